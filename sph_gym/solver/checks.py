@@ -1,0 +1,63 @@
+"""Checks at the door: every complaint names the argument, what it was and what was expected."""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def number(name: str, value: Any) -> float:
+    """`value` as a finite float, or ValueError."""
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a number, got {value!r}") from None
+    if not math.isfinite(result):
+        raise ValueError(f"{name}: expected a finite number, got {value!r}")
+    return result
+
+
+def positive(name: str, value: Any) -> float:
+    """`value` as a finite float above zero, or ValueError."""
+    result = number(name, value)
+    if result <= 0:
+        raise ValueError(f"{name}: expected a number above 0, got {value!r}")
+    return result
+
+
+def in_range(name: str, value: Any, low: float, high: float = math.inf) -> float:
+    """`value` as a finite float in [low, high], or ValueError."""
+    result = number(name, value)
+    if not low <= result <= high:
+        bounds = f"at least {low:g}" if high == math.inf else f"in [{low:g}, {high:g}]"
+        raise ValueError(f"{name}: expected a number {bounds}, got {value!r}")
+    return result
+
+
+def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.float64]:
+    """`value` as a finite float64 array of `shape` (a letter stands for any length)."""
+    wanted = f"({', '.join(map(str, shape))})"
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers of shape {wanted}, got {value!r}") from None
+    fits = array.ndim == len(shape) and all(
+        isinstance(want, str) or have == want
+        for have, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"{name}: expected shape {wanted}, got {array.shape}")
+    if not np.isfinite(array).all():
+        bad = int(np.flatnonzero(~np.isfinite(array.reshape(len(array), -1)).all(axis=1))[0])
+        raise ValueError(f"{name}: expected finite numbers, got {array[bad]} at index {bad}")
+    return array
+
+
+def known(name: str, value: Any, choices: Iterable[str]) -> str:
+    """`value` if it is one of `choices`, or ValueError that lists them."""
+    choices = list(choices)
+    if value not in choices:
+        raise ValueError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
+    return str(value)

@@ -1,0 +1,76 @@
+"""Pressure from density: Tait's equation and, as its case gamma = 1, the linear law.
+
+    p = max(B ((rho / rho0)^gamma - 1), floor)        [Pa], B = rho0 c^2 / gamma
+
+`floor` is 0 for a clamped fluid and -inf for one that may be under tension, so that the clamp
+needs no branch. Source: Becker & Teschner 2007; Monaghan 1994.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sph_gym.solver.jit import dispatch, jit
+from sph_gym.solver.lanes import like, maximum
+
+
+class Tait7(NamedTuple):
+    """gamma = 7, as water: a polynomial, no power function."""
+
+    stiffness: float
+    inv_rho0: float
+    floor: float
+
+
+class Tait(NamedTuple):
+    """Any gamma >= 1."""
+
+    stiffness: float
+    inv_rho0: float
+    floor: float
+    gamma: float
+
+
+@dispatch
+def pressure(eos: Any, rho: Any) -> Any:
+    """Pressure [Pa] at density rho [kg/m^3]."""
+
+
+@pressure.member(Tait7)  # type: ignore[attr-defined]
+def _tait7(eos, rho):
+    # (1 + d)^7 - 1 by Horner's rule in the deviation d: q^7 - 1 loses all digits in float32
+    d = rho * eos.inv_rho0 - like(rho, 1.0)
+    s = d + like(rho, 7.0)
+    s = d * s + like(rho, 21.0)
+    s = d * s + like(rho, 35.0)
+    s = d * s + like(rho, 35.0)
+    s = d * s + like(rho, 21.0)
+    s = d * s + like(rho, 7.0)
+    return maximum(eos.stiffness * (d * s), eos.floor)
+
+
+@pressure.member(Tait)  # type: ignore[attr-defined]
+def _tait(eos, rho):
+    q = rho * eos.inv_rho0
+    return maximum(eos.stiffness * (q**eos.gamma - like(rho, 1.0)), eos.floor)
+
+
+def make_eos(
+    stiffness: float, rho0: float, gamma: float, clamp: bool, dtype: type = np.float64
+) -> Tait7 | Tait:
+    """The equation of state for Tait's B [Pa], rest density [kg/m^3] and exponent."""
+    common = dtype(stiffness), dtype(1 / rho0), dtype(0.0 if clamp else -np.inf)
+    return Tait7(*common) if gamma == 7.0 else Tait(*common, dtype(gamma))
+
+
+@jit
+def internal_energy(stiffness, rho0, gamma, clamp, rho):
+    """Elastic energy per mass [J/kg] stored at density rho: the integral of p / rho^2 from rho0."""
+    q = rho / rho0
+    if clamp and q <= 1.0:
+        return 0.0
+    if gamma == 1.0:
+        return stiffness / rho0 * (math.log(q) + 1.0 / q - 1.0)
+    rest = gamma / (gamma - 1.0)
+    return stiffness / rho0 * (q ** (gamma - 1.0) / (gamma - 1.0) + 1.0 / q - rest)

@@ -1,0 +1,179 @@
+"""What is simulated: fluid, effects and geometry, checked once, in Python, at the door."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sph_gym.solver.checks import finite_array, in_range, known, number, positive
+from sph_gym.solver.kernels import KERNELS
+from sph_gym.solver.state import Controls
+from sph_gym.solver.walls import Walls
+
+EQUATIONS_OF_STATE = ("tait", "linear")
+
+
+@dataclass(frozen=True)
+class Fluid:
+    """A weakly compressible fluid.
+
+    c0: nominal artificial sound speed [m/s], about ten times the largest speed (`sound_speed`).
+    rho0: rest density [kg/m^3]. gamma: Tait's exponent. kernel: "mueller" (the article's) or
+    "wendland_c2" (a matched pair). eos: "tait", or "linear", which is Tait with gamma = 1.
+    clamp: whether negative pressures are cut off, as free surfaces want it.
+
+    Raises ValueError for values that aren't positive and finite, gamma < 1 and unknown names.
+    """
+
+    c0: float
+    rho0: float = 1000.0
+    gamma: float = 7.0
+    kernel: str = "mueller"
+    eos: str = "tait"
+    clamp: bool = True
+
+    def __post_init__(self) -> None:
+        positive("fluid.c0", self.c0)
+        positive("fluid.rho0", self.rho0)
+        in_range("fluid.gamma", self.gamma, 1.0)
+        known("fluid.kernel", self.kernel, KERNELS)
+        known("fluid.eos", self.eos, EQUATIONS_OF_STATE)
+
+    @property
+    def exponent(self) -> float:
+        """The exponent in force: gamma, or 1 for the linear law."""
+        return 1.0 if self.eos == "linear" else float(self.gamma)
+
+    def stiffness(self, c: float) -> float:
+        """Tait's B [Pa] for a sound speed c [m/s]."""
+        return self.rho0 * c * c / self.exponent
+
+    def sound_speed(self, stiffness: float) -> float:
+        """Sound speed [m/s] at rest density for Tait's B [Pa]."""
+        return math.sqrt(self.exponent * stiffness / self.rho0)
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Uniform gravity x, y [m/s^2], raised linearly from zero over the first `ramp` seconds."""
+
+    x: float
+    y: float
+    ramp: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("gravity[0]", self.x)
+        number("gravity[1]", self.y)
+        in_range("gravity.ramp", self.ramp, 0.0)
+
+    def at(self, time: float) -> NDArray[np.float64]:
+        """The vector [m/s^2] at a time [s]."""
+        share = min(time / self.ramp, 1.0) if self.ramp > 0 else 1.0
+        return np.array([self.x * share, self.y * share])
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What acts on the fluid besides pressure; whatever is left out costs nothing.
+
+    gravity: (gx, gy) [m/s^2] or a `Gravity`. xsph: whether the advection velocity is smoothed;
+    how strongly is a control. artificial_viscosity: alpha, which multiplies the nominal sound
+    speed and the support radius. laminar_viscosity: kinematic viscosity nu [m^2/s].
+
+    Raises ValueError for values that aren't finite, and for negative viscosities.
+    """
+
+    gravity: Gravity | tuple[float, float] | None = None
+    xsph: bool = False
+    artificial_viscosity: float | None = None
+    laminar_viscosity: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.gravity is not None and not isinstance(self.gravity, Gravity):
+            vector = finite_array("effects.gravity", self.gravity, (2,))
+            object.__setattr__(self, "gravity", Gravity(float(vector[0]), float(vector[1])))
+        if not isinstance(self.xsph, bool):
+            raise ValueError(
+                "effects.xsph: expected True or False (its strength is Controls.xsph), "
+                f"got {self.xsph!r}"
+            )
+        for name in ("artificial_viscosity", "laminar_viscosity"):
+            value = getattr(self, name)
+            if value is not None:
+                in_range(f"effects.{name}", value, 0.0)
+
+
+def check_controls(controls: Controls) -> Controls:
+    """The three numbers as floats; ValueError for dt or stiffness <= 0 and for xsph < 0."""
+    try:
+        dt, stiffness, xsph = controls
+    except (TypeError, ValueError):
+        raise ValueError(f"controls: expected (dt, stiffness, xsph), got {controls!r}") from None
+    return Controls(
+        positive("controls.dt", dt),
+        positive("controls.stiffness", stiffness),
+        in_range("controls.xsph", xsph, 0.0),
+    )
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A flow to simulate: particles, fluid, effects, walls, and for how long.
+
+    x, v: (n, 2) positions [m] and velocities [m/s] (at rest if left out); dx: particle spacing
+    [m]; h: SUPPORT radius [m], at least dx; walls: None is open space; duration: of the whole
+    run [s]; frame: physical time [s] between two looks at it, and of one environment step;
+    controls: nominal controls, by default stiffness rho0 c0^2 / gamma, dt the stable step at the
+    start, xsph 0.3.
+
+    Raises ValueError that names the argument, for wrong shapes and types, non-finite numbers, no
+    particles at all, h < dx, and times that aren't positive.
+    """
+
+    name: str
+    x: ArrayLike
+    dx: float
+    h: float
+    fluid: Fluid
+    v: ArrayLike | None = None
+    effects: Effects = field(default_factory=Effects)
+    walls: Walls | None = None
+    duration: float = 1.0
+    frame: float = 0.01
+    controls: Controls | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"name: expected a non-empty string, got {self.name!r}")
+        x = finite_array("x", self.x, ("n", 2))
+        if len(x) == 0:
+            raise ValueError("x: expected at least one particle, got none")
+        v = np.zeros_like(x) if self.v is None else finite_array("v", self.v, x.shape)
+        x.flags.writeable = v.flags.writeable = False
+        object.__setattr__(self, "x", x)
+        object.__setattr__(self, "v", v)
+        for name in ("dx", "h", "duration", "frame"):
+            object.__setattr__(self, name, positive(name, getattr(self, name)))
+        if self.h < self.dx:
+            raise ValueError(
+                f"h: expected a support radius of at least dx = {self.dx:g} m, got {self.h:g}"
+            )
+        if self.frame > self.duration:
+            raise ValueError(
+                f"frame: expected at most the duration, {self.duration:g} s, got {self.frame:g}"
+            )
+        for name, kind in (("fluid", Fluid), ("effects", Effects)):
+            if not isinstance(getattr(self, name), kind):
+                raise ValueError(
+                    f"{name}: expected {kind.__name__}(...), got {getattr(self, name)!r}"
+                )
+        if self.walls is not None and not isinstance(self.walls, Walls):
+            raise ValueError(f"walls: expected Walls(...) or None, got {self.walls!r}")
+        if self.controls is not None:
+            object.__setattr__(self, "controls", check_controls(self.controls))
+
+
+def sound_speed(v_max: float) -> float:
+    """The artificial sound speed [m/s] that keeps a flow of at most v_max [m/s] at Mach 0.1."""
+    return 10.0 * positive("v_max", v_max)

@@ -1,0 +1,62 @@
+"""What the solver holds: particles as a struct of arrays, the fluid, the controls."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.floating]
+Indices = NDArray[np.int32]
+
+
+class Particles(NamedTuple):
+    """Fluid particles in the order of their cells; `id` is their place in the public order.
+
+    x, y: (n,) [m]; u, v: (n,) velocity [m/s]; rho: (n,) [kg/m^3]; stress: (n,) p / rho^2
+    [m^5/(kg s^2)], the form in which the symmetric pressure force wants it; id: (n,) int32.
+    """
+
+    x: Floats
+    y: Floats
+    u: Floats
+    v: Floats
+    rho: Floats
+    stress: Floats
+    id: Indices
+
+
+class WallParticles(NamedTuple):
+    """Boundary particles in the order of their cells; the same fields and units as the fluid's.
+
+    wall_sum: (n,) the part of the kernel sum that comes from other wall particles, which is the
+    same in every step of a wall at rest; by public index, unlike the rest.
+    """
+
+    x: Floats
+    y: Floats
+    u: Floats
+    v: Floats
+    rho: Floats
+    stress: Floats
+    id: Indices
+    wall_sum: Floats
+
+
+class Controls(NamedTuple):
+    """What an agent may change while the solver runs: s, Pa (Tait's B), dimensionless."""
+
+    dt: float
+    stiffness: float
+    xsph: float
+
+
+def allocate_particles(x: Floats, v: Floats, dtype: type) -> Particles:
+    """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given."""
+    n = len(x)
+    columns = [np.ascontiguousarray(a, dtype=dtype) for a in (x[:, 0], x[:, 1], v[:, 0], v[:, 1])]
+    return Particles(*columns, np.ones(n, dtype), np.zeros(n, dtype), np.arange(n, dtype=np.int32))
+
+
+def empty_like(particles: Particles) -> Particles:
+    """A second set of arrays of the same shapes and types."""
+    return Particles(*(np.empty_like(array) for array in particles))

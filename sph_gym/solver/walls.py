@@ -1,0 +1,110 @@
+"""Walls: boundary particles that push back before a particle arrives, and a box that clamps."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sph_gym.solver.checks import finite_array, in_range
+from sph_gym.solver.jit import jit
+from sph_gym.solver.state import Floats
+
+
+class Box(NamedTuple):
+    """Clamping walls in the precision of the arrays: sides [m], restitution in [0, 1]."""
+
+    x_min: float
+    x_max: float
+    y_min: float
+    y_max: float
+    restitution: float
+
+
+@jit
+def reflect(low, high, restitution, x, u):
+    """Put a particle back onto the side that it passed and turn its normal velocity round.
+
+    Position and velocity both: with the position alone it would press into the wall for ever.
+    """
+    if x < low:
+        x = low
+        u = -restitution * u if u < 0.0 else u
+    elif x > high:
+        x = high
+        u = -restitution * u if u > 0.0 else u
+    return x, u
+
+
+@jit
+def confine(box, x, y, u, v):
+    """`reflect` at the four sides of the box, where there is one."""
+    if box is None:
+        return x, y, u, v
+    x, u = reflect(box.x_min, box.x_max, box.restitution, x, u)
+    y, v = reflect(box.y_min, box.y_max, box.restitution, y, v)
+    return x, y, u, v
+
+
+@dataclass(frozen=True)
+class Walls:
+    """The walls of a scene; what is left out costs nothing.
+
+    particles: (n, 2) positions of boundary particles at rest [m]; they take part in density and
+    pressure exactly like fluid. They slip freely: only laminar viscosity acts on them besides.
+    box: (x_min, x_max, y_min, y_max) [m], infinite where a side is open: a particle that passes
+    a side is clamped to it, and the normal part of its velocity is reflected.
+    restitution: share of the normal speed that is left after such a reflection, 0 to 1.
+
+    Raises ValueError for positions that are not finite and of shape (n, 2), n >= 1, for a box
+    that isn't four numbers in order, and for a restitution outside [0, 1].
+    """
+
+    particles: ArrayLike | None = None
+    box: tuple[float, float, float, float] | None = None
+    restitution: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.particles is not None:
+            positions = finite_array("walls.particles", self.particles, ("n", 2))
+            if len(positions) == 0:
+                raise ValueError("walls.particles: expected at least one position, got none")
+            object.__setattr__(self, "particles", positions)
+        in_range("walls.restitution", self.restitution, 0.0, 1.0)
+        if self.box is not None:
+            sides = tuple(float(side) for side in self.box)
+            if len(sides) != 4 or not (sides[0] < sides[1] and sides[2] < sides[3]):
+                raise ValueError(
+                    "walls.box: expected (x_min, x_max, y_min, y_max) with x_min < x_max and "
+                    f"y_min < y_max, got {self.box}"
+                )
+            object.__setattr__(self, "box", sides)
+
+
+def lattice(x_min: float, x_max: float, y_min: float, y_max: float, dx: float) -> Floats:
+    """Square lattice of spacing about dx that fills a rectangle, half a spacing from its sides.
+
+    Returns (n, 2) [m]; the spacing is exact where the sides are multiples of dx.
+    """
+    nx = max(round((x_max - x_min) / dx), 1)
+    ny = max(round((y_max - y_min) / dx), 1)
+    x = x_min + (np.arange(nx) + 0.5) * ((x_max - x_min) / nx)
+    y = y_min + (np.arange(ny) + 0.5) * ((y_max - y_min) / ny)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def tank_particles(
+    width: float, height: float, dx: float, layers: int = 3, x_min: float = 0.0, y_min: float = 0.0
+) -> Floats:
+    """Floor and side walls of an open tank, `layers` deep, in step with a lattice of spacing dx.
+
+    The inner faces are x = x_min, x = x_min + width and y = y_min. Returns (n, 2) [m].
+    """
+    nx, ny = round(width / dx), math.ceil(height / dx - 1e-9)
+    columns, levels = np.arange(-layers, nx + layers), np.arange(-layers, ny)
+    i, j = (a.ravel() for a in np.meshgrid(columns, levels))
+    outside = (i < 0) | (i >= nx) | (j < 0)
+    spacing = width / nx
+    i, j = i[outside], j[outside]
+    return np.stack([x_min + (i + 0.5) * spacing, y_min + (j + 0.5) * spacing], axis=-1)

@@ -105,7 +105,7 @@ class Ledger:
     pressure and clamping walls only take energy away, so there is no bound from below.
     """
 
-    TOLERANCE = 1.0
+    TOLERANCE = 2.0
 
     def __init__(self, totals: Totals, weight_scale: float, floor: float) -> None:
         self.expected = totals.kinetic + totals.internal
@@ -126,7 +126,8 @@ class Ledger:
     def excess(self, totals: Totals) -> float:
         """Energy that came from nowhere, as a share of the energy at stake."""
         held = totals.kinetic + totals.internal
-        return (held - self.expected - self.gravity_work) / (self.at_stake + self.deepest)
+        surplus = held - self.expected - self.gravity_work
+        return float(surplus / (self.at_stake + self.deepest))
 
     def state(self) -> list[float]:
         """The four numbers of the ledger, for a snapshot."""

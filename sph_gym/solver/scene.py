@@ -47,7 +47,7 @@ class Fluid:
 
     def stiffness(self, c: float) -> float:
         """Tait's B [Pa] for a sound speed c [m/s]."""
-        return self.rho0 * c * c / self.exponent
+        return float(self.rho0 * c * c / self.exponent)
 
     def sound_speed(self, stiffness: float) -> float:
         """Sound speed [m/s] at rest density for Tait's B [Pa]."""

@@ -160,8 +160,8 @@ class Simulation:
             make_eos(self._controls.stiffness, fluid.rho0, fluid.exponent, fluid.clamp, number),
             self._constants,
             PairEffects(artificial, laminar, xsph),
-            # walls slip: only laminar viscosity takes hold of them
-            PairEffects(None, laminar, None),
+            # walls take part like fluid, but hold no velocity that would smooth the advection
+            PairEffects(artificial, laminar, None),
             gravity,
             box,
         )

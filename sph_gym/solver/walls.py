@@ -51,8 +51,8 @@ def confine(box, x, y, u, v):
 class Walls:
     """The walls of a scene; what is left out costs nothing.
 
-    particles: (n, 2) positions of boundary particles at rest [m]; they take part in density and
-    pressure exactly like fluid. They slip freely: only laminar viscosity acts on them besides.
+    particles: (n, 2) positions of boundary particles at rest [m]; they take part in density,
+    pressure and viscosity exactly like fluid, but not in XSPH.
     box: (x_min, x_max, y_min, y_max) [m], infinite where a side is open: a particle that passes
     a side is clamped to it, and the normal part of its velocity is reflected.
     restitution: share of the normal speed that is left after such a reflection, 0 to 1.
@@ -82,29 +82,31 @@ class Walls:
             object.__setattr__(self, "box", sides)
 
 
-def lattice(x_min: float, x_max: float, y_min: float, y_max: float, dx: float) -> Floats:
-    """Square lattice of spacing about dx that fills a rectangle, half a spacing from its sides.
+def snap(length: float, dx: float) -> float:
+    """The multiple of dx nearest to a length, at least dx: where a lattice of spacing dx fits."""
+    return max(round(length / dx), 1) * dx
 
-    Returns (n, 2) [m]; the spacing is exact where the sides are multiples of dx.
+
+def lattice(x_min: float, x_max: float, y_min: float, y_max: float, dx: float) -> Floats:
+    """Square lattice of spacing dx that fills a rectangle, half a spacing from its lower sides.
+
+    Returns (n, 2) [m]. The upper sides are moved to the nearest multiple of dx: a lattice that
+    was stretched to fit would not be at rest density.
     """
-    nx = max(round((x_max - x_min) / dx), 1)
-    ny = max(round((y_max - y_min) / dx), 1)
-    x = x_min + (np.arange(nx) + 0.5) * ((x_max - x_min) / nx)
-    y = y_min + (np.arange(ny) + 0.5) * ((y_max - y_min) / ny)
+    nx, ny = (max(round(side / dx), 1) for side in (x_max - x_min, y_max - y_min))
+    x, y = x_min + (np.arange(nx) + 0.5) * dx, y_min + (np.arange(ny) + 0.5) * dx
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def tank_particles(
-    width: float, height: float, dx: float, layers: int = 3, x_min: float = 0.0, y_min: float = 0.0
-) -> Floats:
+def tank_particles(width: float, height: float, dx: float, layers: int = 3) -> Floats:
     """Floor and side walls of an open tank, `layers` deep, in step with a lattice of spacing dx.
 
-    The inner faces are x = x_min, x = x_min + width and y = y_min. Returns (n, 2) [m].
+    The inner faces are x = 0, x = width (to the nearest multiple of dx) and y = 0, the walls at
+    least `height` high. Returns (n, 2) [m].
     """
-    nx, ny = round(width / dx), math.ceil(height / dx - 1e-9)
-    columns, levels = np.arange(-layers, nx + layers), np.arange(-layers, ny)
-    i, j = (a.ravel() for a in np.meshgrid(columns, levels))
+    nx, ny = max(round(width / dx), 1), math.ceil(height / dx - 1e-9)
+    i, j = (
+        a.ravel() for a in np.meshgrid(np.arange(-layers, nx + layers), np.arange(-layers, ny))
+    )
     outside = (i < 0) | (i >= nx) | (j < 0)
-    spacing = width / nx
-    i, j = i[outside], j[outside]
-    return np.stack([x_min + (i + 0.5) * spacing, y_min + (j + 0.5) * spacing], axis=-1)
+    return (np.stack([i[outside], j[outside]], axis=-1) + 0.5) * dx

@@ -1,12 +1,15 @@
 """A 2D SPH fluid solver, and Gymnasium environments in which an agent tunes it."""
 
 from sph_gym import scenes
+from sph_gym.env import TuningEnv, register_all
 from sph_gym.solver.scene import Effects, Fluid, Gravity, Scene, sound_speed
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.solver.walls import Walls, lattice, tank_particles
 
 __version__ = "0.1.0"
+
+register_all()
 
 __all__ = [
     "Controls",
@@ -16,6 +19,7 @@ __all__ = [
     "Report",
     "Scene",
     "Simulation",
+    "TuningEnv",
     "Walls",
     "lattice",
     "scenes",

@@ -107,7 +107,7 @@ class Naive:
         return np.array([g.x, g.y]) * (min(time / g.ramp, 1.0) if g.ramp > 0 else 1.0)
 
     def acceleration(self, x, v, time):
-        """(n_fluid, 2) [m/s^2]; wall particles are at rest and slip in all but laminar terms."""
+        """(n_fluid, 2) [m/s^2]; wall particles are at rest."""
         n, h, effects = len(x), self.h, self.scene.effects
         offset, r = self.offsets(x)
         rho = self.density(x)
@@ -128,7 +128,6 @@ class Naive:
             mu = h * approach / (r**2 + 0.01 * h**2)
             pi = -effects.artificial_viscosity * self.scene.fluid.c0 * mu / mean_rho
             pi[approach >= 0] = 0.0
-            pi[:n, n:] = 0.0
             stress = stress + pi
         a = -self.mass * (stress[..., None] * grad).sum(axis=1)
 

@@ -201,6 +201,11 @@ class Simulation:
         """Sound speed [m/s] at the present stiffness."""
         return self.scene.fluid.sound_speed(self._controls.stiffness)
 
+    @property
+    def max_speed(self) -> float:
+        """Largest speed of a fluid particle [m/s]."""
+        return self._totals.max_speed
+
     def stable_dt(self) -> float:
         """The article's stable step [s] for the present state; see `stepping.stable_dt`."""
         self.evaluate()

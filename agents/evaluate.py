@@ -1,0 +1,165 @@
+"""One episode of one agent on one instance, and many of them; the ground that all agents share."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pandas as pd
+from rich.console import Console
+from rich.table import Table
+
+from agents.jobs import run_jobs
+from agents.policies import Policy, Spec, build
+from sph_gym.env import env_id
+from sph_gym.env.instances import SIZES
+
+# Columns of a table of runs and their headings.
+MEASURES = {
+    "return": "return",
+    "work": "work",
+    "density_error": "density [%]",
+    "clumping": "clumping [%]",
+    "fidelity_error": "fidelity",
+    "blowup": "blow-up [%]",
+}
+PERCENT = ("density_error", "clumping", "blowup")
+
+
+@dataclass
+class Args:
+    """Run one agent on numbered instances of a scene and print how it did."""
+
+    scene: str = "dam_break"
+    """scene of the environment"""
+    instances: str = "test"
+    """nominal, train, val or test"""
+    n_instances: int = 8
+    """how many of them"""
+    output: Path = Path("runs")
+    """folder of the CSV file"""
+
+
+def instance_ids(scene: str, split: str, count: int) -> list[str]:
+    """The first `count` instances of a split. Raises ValueError for an unknown split."""
+    if split not in SIZES:
+        raise ValueError(f"instances: expected one of {', '.join(SIZES)}, got {split!r}")
+    if not 1 <= count <= SIZES[split]:
+        raise ValueError(f"n_instances: expected 1 to {SIZES[split]} in {split!r}, got {count}")
+    return [f"{scene}/{split}/{k}" for k in range(count)]
+
+
+def play(env: gym.Env[Any, Any], policy: Policy, instance: str, seed: int) -> list[dict[str, Any]]:
+    """One episode; returns the info of every step, with the reward as "reward"."""
+    observation, _ = env.reset(seed=seed, options={"instance": instance})
+    infos: list[dict[str, Any]] = []
+    over = False
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(policy(env, observation))
+        infos.append(info | {"reward": float(reward)})
+        over = terminated or truncated
+    return infos
+
+
+def summarise(infos: list[dict[str, Any]], n_steps: int) -> dict[str, Any]:
+    """An episode in one row. "return" is the sum of rewards per planned step."""
+    table = pd.DataFrame(infos)
+    terms = [name for name in table.columns if name.startswith("reward_")]
+    return {
+        "return": float(table["reward"].sum()) / n_steps,
+        "work": float(table["work"].mean()),
+        "n_substeps": float(table["n_substeps"].sum()),
+        "density_error": float(table["density_error"].mean()),
+        "clumping": float(table["clumping"].mean()),
+        "fidelity_error": float(table["fidelity_error"].mean()),
+        "blowup": float(table["blowup"].max()),
+        "blowup_cause": str(table["blowup_cause"].iloc[-1]) or "-",
+        "steps": len(table),
+        **{name: float(table[name].sum()) / n_steps for name in terms},
+    }
+
+
+def run_episode(spec: Spec, scene: str, instance: str, seed: int) -> dict[str, Any]:
+    """Build environment and agent, play one episode, summarise it."""
+    env = gym.make(env_id(scene))
+    began = time.perf_counter()
+    infos = play(env, build(spec, seed), instance, seed)
+    row = summarise(infos, env.unwrapped.n_steps)  # type: ignore[attr-defined]
+    return row | {"wall_seconds": time.perf_counter() - began}
+
+
+def evaluate(
+    specs: Sequence[Spec], scene: str, instances: Sequence[str], path: Path, title: str = "episodes"
+) -> pd.DataFrame:
+    """Every agent on every instance with the same seeds; finished runs in `path` are kept."""
+    jobs, keys = [], []
+    for spec in specs:
+        for seed, instance in enumerate(instances):
+            jobs.append((spec, scene, instance, seed))
+            settings = spec.settings or spec.network or ""
+            keys.append(
+                {"agent": spec.name, "instance": instance, "seed": seed, "settings": str(settings)}
+            )
+    return run_jobs(run_episode, jobs, keys, path, title)
+
+
+def interval(values: np.ndarray, confidence: float = 0.95) -> tuple[float, float, float]:
+    """Mean and bootstrap confidence interval over instances."""
+    from scipy.stats import bootstrap
+
+    values = np.asarray(values, dtype=float)
+    mean = float(values.mean())
+    if len(values) < 2 or np.ptp(values) == 0:
+        return mean, mean, mean
+    found = bootstrap(
+        (values,), np.mean, confidence_level=confidence, method="percentile", rng=0
+    ).confidence_interval
+    return mean, float(found.low), float(found.high)
+
+
+def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """One row an agent, best return first: mean and interval of every measure."""
+    rows = []
+    for agent, group in runs.groupby("agent", sort=False):
+        row: dict[str, Any] = {"agent": agent, "runs": len(group)}
+        for measure in MEASURES:
+            scale = 100.0 if measure in PERCENT else 1.0
+            bounds = interval(scale * group[measure].to_numpy())
+            row |= dict(zip((measure, f"{measure}_low", f"{measure}_high"), bounds, strict=True))
+        rows.append(row)
+    return pd.DataFrame(rows).sort_values("return", ascending=False, ignore_index=True)
+
+
+def readable(summary: pd.DataFrame) -> pd.DataFrame:
+    """The summary as text: mean ± half the 95 % interval, under headings with units."""
+    table = pd.DataFrame({"agent": summary["agent"], "runs": summary["runs"].astype(str)})
+    for measure, heading in MEASURES.items():
+        digits = 1 if measure in PERCENT else 2
+        table[heading] = [
+            f"{row[measure]:.{digits}f} ± "
+            f"{(row[f'{measure}_high'] - row[f'{measure}_low']) / 2:.{digits}f}"
+            for _, row in summary.iterrows()
+        ]
+    return table
+
+
+def print_table(table: pd.DataFrame, title: str) -> None:
+    """Print a table of text to the terminal."""
+    grid = Table(title=title, header_style="bold")
+    for column in table.columns:
+        grid.add_column(column, justify="left" if column == "agent" else "right")
+    for row in table.itertuples(index=False):
+        grid.add_row(*map(str, row))
+    Console().print(grid)
+
+
+def main(spec: Spec, args: Args) -> None:
+    """Evaluate one agent and print its row: what `python -m agents.NAME` does."""
+    instances = instance_ids(args.scene, args.instances, args.n_instances)
+    path = args.output / f"{spec.name}_{args.scene}_{args.instances}.csv"
+    runs = evaluate([spec], args.scene, instances, path)
+    print_table(readable(summary_table(runs)), f"{spec.name} on {args.scene} ({args.instances})")
+    print(f"every run: {path}")

@@ -1,0 +1,107 @@
+"""Many independent runs over processes: with a progress bar, on disk as they come, resumable."""
+
+import csv
+import hashlib
+import multiprocessing
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from tqdm import tqdm
+
+import sph_gym
+
+Row = dict[str, Any]
+
+
+@cache
+def code_version() -> str:
+    """Hash of the package's sources: rows that other code wrote are not reused."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(sph_gym.__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def cpu_count() -> int:
+    """CPUs that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_jobs(
+    function: Callable[..., Row],
+    jobs: Sequence[tuple[Any, ...]],
+    keys: Sequence[Row],
+    path: Path,
+    title: str,
+    workers: int | None = None,
+) -> pd.DataFrame:
+    """Call `function(*job)` for every job and collect the rows, which also go to a CSV file.
+
+    keys: for each job the columns that identify it; a row of the file with the same key and the
+    same code version is taken instead of running the job again. Ctrl-C loses only what is in
+    hand. Returns one row a job, in the order of the jobs.
+    """
+    done = _read(path)
+    names = [_name(key) for key in keys]
+    missing = [k for k, name in enumerate(names) if name not in done]
+    if missing:
+        _write(path, list(done.values()))
+    context = multiprocessing.get_context("spawn")
+    n_workers = min(workers or cpu_count(), max(len(missing), 1))
+    with (
+        tqdm(total=len(jobs), initial=len(jobs) - len(missing), desc=title, unit="run") as bar,
+        ProcessPoolExecutor(n_workers, mp_context=context) as pool,
+    ):
+        futures = {pool.submit(function, *jobs[k]): k for k in missing}
+        try:
+            for future in as_completed(futures):
+                k = futures[future]
+                row = {"key": names[k], **keys[k], **future.result(), "code": code_version()}
+                done[names[k]] = row
+                _append(path, row)
+                bar.update()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return pd.DataFrame([done[name] for name in names])
+
+
+def _name(key: Row) -> str:
+    return "|".join(f"{name}={value}" for name, value in sorted(key.items()))
+
+
+def _read(path: Path) -> dict[str, Row]:
+    """Finished rows of this code version, by the name of their key."""
+    if not path.exists():
+        return {}
+    try:
+        text = {"code": str, "key": str}
+        table = pd.read_csv(path, dtype=text, on_bad_lines="skip", float_precision="round_trip")
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError):
+        return {}
+    if not {"code", "key"} <= set(table.columns):
+        return {}
+    # a line that was torn by a kill has no code version at its end
+    current = table[table["code"] == code_version()]
+    return {str(row["key"]): row for row in current.to_dict("records")}  # type: ignore[misc]
+
+
+def _write(path: Path, rows: list[Row]) -> None:
+    """Start the file anew with the rows that are still good."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)
+    for row in rows:
+        _append(path, row)
+
+
+def _append(path: Path, row: Row) -> None:
+    with path.open("a", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(row))
+        if file.tell() == 0:
+            writer.writeheader()
+        writer.writerow(row)

@@ -1,0 +1,185 @@
+"""What PPO and SAC share: environments in processes, callbacks, interruption, export."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import torch
+import yaml
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import (
+    BaseCallback,
+    CallbackList,
+    CheckpointCallback,
+    EvalCallback,
+)
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
+
+from agents.policies import trained_network
+from sph_gym.controllers import Network
+from sph_gym.env import env_id
+
+HYPERPARAMS = Path(__file__).parent / "hyperparams"
+# Largest change of an action that the exported network may show against the original.
+EXPORT_TOLERANCE = 1e-5
+
+
+@dataclass
+class Args:
+    """Train on the training instances, keep the best model on the validation instances."""
+
+    scene: str = "dam_break"
+    """scene of the environment"""
+    steps: int = 300_000
+    """environment steps"""
+    n_envs: int = 2
+    """environments, one process each"""
+    seed: int = 0
+    """seed of everything"""
+    output: Path = Path("runs")
+    """folder for checkpoints, TensorBoard logs and models"""
+    evaluate_every: int = 10_000
+    """steps between two evaluations"""
+    n_evaluations: int = 8
+    """validation episodes of an evaluation"""
+    resume: bool = False
+    """go on from the newest checkpoint"""
+    ship: bool = False
+    """also write the best model to agents/trained"""
+
+
+class ValidationEnv(gym.Wrapper[Any, Any, Any, Any]):
+    """Plays the validation instances in turn, so that every evaluation sees the same ones."""
+
+    def __init__(self, env: gym.Env[Any, Any], scene: str, count: int) -> None:
+        super().__init__(env)
+        self._ids = [f"{scene}/val/{k}" for k in range(count)]
+        self._next = 0
+
+    def reset(self, **arguments: Any) -> Any:
+        """The next validation instance."""
+        arguments["options"] = {"instance": self._ids[self._next % len(self._ids)]}
+        self._next += 1
+        return self.env.reset(**arguments)
+
+
+def hyperparameters(algorithm: str, scene: str) -> dict[str, Any]:
+    """The YAML entry of an environment id, or the default one."""
+    table = yaml.safe_load((HYPERPARAMS / f"{algorithm}.yml").read_text())
+    return dict(table.get(env_id(scene), table["default"]))
+
+
+def linear(start: float) -> Any:
+    """A learning rate that falls to zero with the remaining progress."""
+    return lambda remaining: start * remaining
+
+
+def make_envs(args: Args) -> VecEnv:
+    """Training environments, one process each."""
+
+    def make_one() -> gym.Env[Any, Any]:
+        return Monitor(gym.make(env_id(args.scene), instances="train"))
+
+    envs = SubprocVecEnv([make_one] * args.n_envs, start_method="spawn")
+    envs.seed(args.seed)
+    return envs
+
+
+def folder(algorithm: str, args: Args) -> Path:
+    """Where a training run keeps its files."""
+    return args.output / f"{algorithm}_{args.scene}"
+
+
+def newest_checkpoint(path: Path) -> Path:
+    """The checkpoint to go on from. Raises FileNotFoundError if there is none."""
+    found = sorted((path / "checkpoints").glob("*.zip"), key=lambda file: file.stat().st_mtime)
+    if not found:
+        raise FileNotFoundError(f"nothing to resume: no checkpoints in {path / 'checkpoints'}")
+    return found[-1]
+
+
+def callbacks(algorithm: str, args: Args) -> BaseCallback:
+    """Checkpoints, and evaluation on the validation instances with the best model kept."""
+    path = folder(algorithm, args)
+    every = max(args.evaluate_every // args.n_envs, 1)
+    one = gym.make(env_id(args.scene), instances="val")
+    validation = Monitor(ValidationEnv(one, args.scene, args.n_evaluations))
+    return CallbackList(
+        [
+            CheckpointCallback(every, str(path / "checkpoints"), name_prefix=algorithm),
+            EvalCallback(
+                validation,
+                n_eval_episodes=args.n_evaluations,
+                eval_freq=every,
+                best_model_save_path=str(path),
+                log_path=str(path),
+                verbose=1,
+            ),
+        ]
+    )
+
+
+def learn(model: BaseAlgorithm, algorithm: str, args: Args) -> None:
+    """Train, export the best model; Ctrl-C ends the training and still exports."""
+    path = folder(algorithm, args)
+    left = args.steps - model.num_timesteps
+    try:
+        model.learn(
+            max(left, 0),
+            callback=callbacks(algorithm, args),
+            tb_log_name="train",
+            reset_num_timesteps=not args.resume,
+            progress_bar=True,
+        )
+    except KeyboardInterrupt:
+        print("interrupted: what has been learned so far is kept")
+    model.save(path / "last_model")
+    best = path / "best_model.zip"
+    if best.exists():
+        kind: Any = type(model)
+        model = kind.load(best, device="cpu")
+    network = export(model)
+    network.save(path / "network.npz")
+    print(f"policy: {path / 'network.npz'}")
+    if args.ship:
+        target = trained_network(algorithm, args.scene)
+        network.save(target)
+        model.save(target.with_suffix(".zip"))
+        print(f"shipped: {target}")
+
+
+def export(model: BaseAlgorithm) -> Network:
+    """The deterministic policy of a PPO or SAC model as a plain network, checked against it."""
+    if isinstance(model, PPO):
+        policy: Any = model.policy
+        layers = [*policy.mlp_extractor.policy_net, policy.action_net]
+        squash = "clip"
+    elif isinstance(model, SAC):
+        actor: Any = model.actor
+        layers = [*actor.latent_pi, actor.mu]
+        squash = "tanh"
+    else:
+        raise ValueError(f"model: expected PPO or SAC, got {type(model).__name__}")
+    linears = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
+    smooth = any(isinstance(layer, torch.nn.Tanh) for layer in layers)
+    network = Network(
+        tuple(layer.weight.detach().numpy().copy() for layer in linears),
+        tuple(layer.bias.detach().numpy().copy() for layer in linears),
+        "tanh" if smooth else "relu",
+        squash,
+    )
+    _check_export(model, network)
+    return network
+
+
+def _check_export(model: BaseAlgorithm, network: Network) -> None:
+    model.observation_space.seed(0)
+    for _ in range(20):
+        observation = model.observation_space.sample()
+        wanted, _ = model.predict(observation, deterministic=True)
+        difference = abs(wanted - network(observation)).max()
+        if difference > EXPORT_TOLERANCE:
+            raise RuntimeError(f"the exported network is off by {difference:g}")

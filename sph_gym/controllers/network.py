@@ -1,0 +1,57 @@
+"""A small exported policy network that runs in plain NumPy."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+SQUASH = ("clip", "tanh")
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Network:
+    """A multilayer perceptron with tanh or relu units.
+
+    weights, biases: one (n_out, n_in) and (n_out,) array a layer; activation: "tanh" or "relu"
+    between layers; squash: how the last layer becomes an action in [-1, 1], "clip" or "tanh".
+    """
+
+    weights: tuple[Floats, ...]
+    biases: tuple[Floats, ...]
+    activation: str
+    squash: str
+
+    def __call__(self, observation: Floats) -> Floats:
+        """The action (3,) for an observation (n,)."""
+        x = np.asarray(observation, dtype=np.float32)
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            x = weight @ x + bias
+            if k + 1 < len(self.weights):
+                x = np.tanh(x) if self.activation == "tanh" else np.maximum(x, 0.0)
+        return np.tanh(x) if self.squash == "tanh" else np.clip(x, -1.0, 1.0)
+
+    def save(self, path: str | Path) -> None:
+        """Write a .npz file that `load` reads."""
+        layers = {f"weight{k}": w for k, w in enumerate(self.weights)}
+        layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
+        np.savez_compressed(path, activation=self.activation, squash=self.squash, **layers)
+
+    @staticmethod
+    def load(path: str | Path) -> "Network":
+        """Read a .npz file; it holds numbers only, no code is run.
+
+        Raises ValueError if the file is no exported network.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                n_layers = sum(name.startswith("weight") for name in data.files)
+                weights = tuple(data[f"weight{k}"] for k in range(n_layers))
+                biases = tuple(data[f"bias{k}"] for k in range(n_layers))
+                activation, squash = str(data["activation"]), str(data["squash"])
+        except (OSError, ValueError, KeyError) as error:
+            raise ValueError(f"path: {path} is no exported network ({error})") from None
+        if not weights or squash not in SQUASH or activation not in ("tanh", "relu"):
+            raise ValueError(f"path: {path} is no exported network")
+        return Network(weights, biases, activation, squash)

@@ -1,0 +1,71 @@
+"""Rules that look at the running solver and say what its controls should be."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.state import Controls
+from sph_gym.solver.stepping import VISCOUS
+
+Controller = Callable[[Simulation], Controls]
+
+
+def nominal(sim: Simulation) -> Controls:
+    """The scene's own constants, whatever happens."""
+    return sim.nominal_controls
+
+
+@dataclass(frozen=True)
+class Static:
+    """The same settings for the whole run.
+
+    courant: dt c / h; sound: sound speed as a multiple of the scene's nominal c0; xsph: epsilon.
+    """
+
+    courant: float
+    sound: float
+    xsph: float
+
+    def __call__(self, sim: Simulation) -> Controls:
+        """Controls for the present state."""
+        return from_numbers(sim, self.courant, self.sound * sim.scene.fluid.c0, self.xsph)
+
+
+class ArticleCfl:
+    """The article's rule: nominal stiffness, and in every frame the largest step it allows."""
+
+    def __call__(self, sim: Simulation) -> Controls:
+        """Controls for the present state."""
+        stiffness, xsph = sim.nominal_controls[1:]
+        sim.controls = sim.controls._replace(stiffness=stiffness)
+        return Controls(sim.stable_dt(), stiffness, xsph)
+
+
+@dataclass(frozen=True)
+class TunedCfl:
+    """A CFL rule as a practitioner would tune it, and the unit in which work is counted.
+
+    The sound speed follows the flow, c = max(`mach` v_max, `floor` c0), and the step follows the
+    sound speed: 1 / dt = c / (`courant` h) + the viscous rates, since waves and friction share
+    one stability limit. From a Courant multiple of 1.0 on, runs on unseen instances blow up.
+    """
+
+    courant: float = 0.9
+    mach: float = 8.0
+    floor: float = 0.4
+
+    def __call__(self, sim: Simulation) -> Controls:
+        """Controls for the present state."""
+        scene, h = sim.scene, sim.scene.h
+        c = max(self.mach * sim.max_speed, self.floor * scene.fluid.c0)
+        nu = scene.effects.laminar_viscosity or 0.0
+        alpha = scene.effects.artificial_viscosity or 0.0
+        # in the continuum, artificial viscosity is a nu of alpha c0 h / 8; short waves feel twice it
+        nu += alpha * scene.fluid.c0 * h / 4
+        dt = 1 / (c / (self.courant * h) + nu / (VISCOUS * h * h))
+        return Controls(dt, scene.fluid.stiffness(c), sim.nominal_controls.xsph)
+
+
+def from_numbers(sim: Simulation, courant: float, c: float, xsph: float) -> Controls:
+    """Controls from the Courant multiple dt c / h, the sound speed c [m/s] and epsilon."""
+    return Controls(courant * sim.scene.h / c, sim.scene.fluid.stiffness(c), xsph)

@@ -1,0 +1,125 @@
+"""How an action becomes controls: absolute settings, steps, or one of 27 choices.
+
+All three modes share the same coordinates in [-1, 1]^3:
+
+    0  log of the Courant multiple dt c / h, COURANT from -1 to +1
+    1  log of the sound speed c, SOUND times the scene's nominal c0; the stiffness is rho0 c^2/gamma
+    2  XSPH epsilon, XSPH, linear
+
+The seconds of dt follow from the multiple and the stiffness chosen with it.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from sph_gym.solver.checks import known
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.state import Controls
+
+COURANT = (0.2, 1.25)
+SOUND = (0.1, 1.25)
+XSPH = (0.0, 0.6)
+# Largest change of a coordinate in one step of the modes "delta" and "discrete".
+STEP = 0.25
+NAMES = ("log dt", "log stiffness", "xsph")
+
+Coordinates = NDArray[np.float64]
+
+
+def encode(scene: Scene, controls: Controls) -> Coordinates:
+    """Coordinates of controls, cut off at -1 and 1."""
+    c = scene.fluid.sound_speed(controls.stiffness)
+    numbers = (
+        _position(math.log(controls.dt * c / scene.h), *map(math.log, COURANT)),
+        _position(math.log(c / scene.fluid.c0), *map(math.log, SOUND)),
+        _position(controls.xsph, *XSPH),
+    )
+    return np.clip(numbers, -1.0, 1.0)
+
+
+def decode(scene: Scene, coordinates: Coordinates) -> Controls:
+    """Controls at coordinates in [-1, 1]^3."""
+    courant = math.exp(_value(coordinates[0], *map(math.log, COURANT)))
+    c = scene.fluid.c0 * math.exp(_value(coordinates[1], *map(math.log, SOUND)))
+    return Controls(courant * scene.h / c, scene.fluid.stiffness(c), _value(coordinates[2], *XSPH))
+
+
+def _position(value: float, low: float, high: float) -> float:
+    return 2 * (value - low) / (high - low) - 1
+
+
+def _value(position: float, low: float, high: float) -> float:
+    return float(low + (position + 1) / 2 * (high - low))
+
+
+def _box_action(action: Any) -> Coordinates:
+    numbers = np.asarray(action, dtype=np.float64)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all() or (np.abs(numbers) > 1).any():
+        raise ValueError(
+            f"action: expected 3 finite numbers in [-1, 1] ({', '.join(NAMES)}), got {action!r}"
+        )
+    return numbers
+
+
+class Absolute:
+    """The action is the coordinates."""
+
+    def space(self) -> spaces.Space[Any]:
+        """Box(-1, 1, (3,), float32)."""
+        return spaces.Box(-1.0, 1.0, (3,), np.float32)
+
+    def act(self, action: Any, present: Coordinates) -> Coordinates:
+        """The coordinates that the action asks for."""
+        return _box_action(action)
+
+    def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
+        """The action that comes closest to wanted coordinates."""
+        return wanted.astype(np.float32)
+
+
+class Delta:
+    """The action moves the present coordinates by up to STEP."""
+
+    def space(self) -> spaces.Space[Any]:
+        """Box(-1, 1, (3,), float32)."""
+        return spaces.Box(-1.0, 1.0, (3,), np.float32)
+
+    def act(self, action: Any, present: Coordinates) -> Coordinates:
+        """The coordinates that the action asks for."""
+        return np.clip(present + STEP * _box_action(action), -1.0, 1.0)
+
+    def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
+        """The action that comes closest to wanted coordinates."""
+        return np.clip((wanted - present) / STEP, -1.0, 1.0).astype(np.float32)
+
+
+class Discrete:
+    """27 actions: each coordinate down, as it is, or up by STEP; 13 changes nothing."""
+
+    def space(self) -> spaces.Space[Any]:
+        """Discrete(27): 9 a + 3 b + c with a, b, c in 0, 1, 2 for the three coordinates."""
+        return spaces.Discrete(27)
+
+    def act(self, action: Any, present: Coordinates) -> Coordinates:
+        """The coordinates that the action asks for."""
+        if not self.space().contains(np.int64(action) if isinstance(action, int) else action):
+            raise ValueError(f"action: expected an integer from 0 to 26, got {action!r}")
+        moves = np.array(np.unravel_index(int(action), (3, 3, 3))) - 1
+        return np.clip(present + STEP * moves, -1.0, 1.0)
+
+    def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
+        """The action that comes closest to wanted coordinates."""
+        moves = np.clip(np.rint((wanted - present) / STEP), -1, 1).astype(int) + 1
+        return np.int64(np.ravel_multi_index(tuple(moves), (3, 3, 3)))
+
+
+MODES = {"absolute": Absolute, "delta": Delta, "discrete": Discrete}
+
+
+def make(mode: str) -> Absolute | Delta | Discrete:
+    """The action type of that name. Raises ValueError that lists the known ones."""
+    return MODES[known("action_mode", mode, MODES)]()

@@ -1,0 +1,179 @@
+"""What a run is held against: a fine run of the same instance, its twins, and the tuned CFL rule.
+
+Everything is kept on disk under a hash of all that it depends on: the particles, the fluid, the
+effects, the solver's sources and this file.
+"""
+
+import hashlib
+import os
+import tempfile
+import warnings
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.controllers.rules import TunedCfl, from_numbers
+from sph_gym.solver.jit import cache_home, source_hash
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Simulation
+
+# The reference: nominal stiffness, and a step far below the limit of about 0.9 h/c.
+COURANT = 0.25
+# Its twins differ in what shouldn't matter: a softer fluid, and particles off by 1 % of dx.
+TWIN_SOUND = 0.7
+TWIN_JITTER = 0.01
+
+Floats = NDArray[np.float64]
+
+
+class Observables(NamedTuple):
+    """A run in a few numbers, at the end of every frame and at the start (n_frames + 1).
+
+    com: (n, 2) centre of mass [m]; kinetic: (n,) kinetic energy [J/m]; clumping: (n,) share of
+    particles closer than 0.6 dx to another one.
+    """
+
+    com: Floats
+    kinetic: Floats
+    clumping: Floats
+
+
+class Reference(NamedTuple):
+    """The fine run, its twins, and the mean substeps a frame of the tuned CFL rule."""
+
+    fine: Observables
+    twins: tuple[Observables, ...]
+    cfl_substeps: float
+
+
+def n_frames(scene: Scene) -> int:
+    """Steps of an episode: whole frames in the scene's duration, at least one."""
+    return max(round(scene.duration / scene.frame), 1)
+
+
+def reference(scene: Scene) -> Reference:
+    """The reference of a scene, from memory, from disk, or computed now (about a second)."""
+    return _load_or_compute(_key(scene), _Hidden(scene))
+
+
+class _Hidden:
+    """Carries the scene past the memory cache, whose key is the hash alone."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return True
+
+
+@lru_cache(maxsize=512)
+def _load_or_compute(key: str, hidden: _Hidden) -> Reference:
+    path = cache_home() / "references" / f"{key}.npz"
+    stored = _read(path)
+    if stored is None:
+        stored = _compute(hidden.scene)
+        _write(path, stored)
+    return stored
+
+
+def _key(scene: Scene) -> str:
+    # a name is no part of the physics; walls and arrays have to be taken apart to be hashed
+    digest = hashlib.sha256(source_hash().encode() + Path(__file__).read_bytes())
+    for rule in (TunedCfl(), scene.fluid, scene.effects, scene.controls):
+        digest.update(repr(rule).encode())
+    digest.update(repr((scene.dx, scene.h, scene.duration, scene.frame)).encode())
+    for array in (scene.x, scene.v):
+        digest.update(np.asarray(array).tobytes())
+    if scene.walls is not None:
+        digest.update(repr((scene.walls.box, scene.walls.restitution)).encode())
+        if scene.walls.particles is not None:
+            digest.update(np.asarray(scene.walls.particles).tobytes())
+    return digest.hexdigest()[:32]
+
+
+def _compute(scene: Scene) -> Reference:
+    rng = np.random.default_rng(0)
+    x = np.asarray(scene.x)
+    jittered = replace(scene, x=x + rng.normal(0.0, TWIN_JITTER * scene.dx, x.shape))
+    return Reference(
+        _run(scene, 1.0),
+        (_run(scene, TWIN_SOUND), _run(jittered, 1.0)),
+        _cfl_substeps(scene),
+    )
+
+
+def _run(scene: Scene, sound: float) -> Observables:
+    sim = Simulation(scene)
+    xsph = sim.nominal_controls.xsph
+    sim.controls = from_numbers(sim, COURANT, sound * scene.fluid.c0, xsph)
+    rows = [_look(sim)]
+    for _ in range(n_frames(scene)):
+        report = sim.advance(scene.frame)
+        if report.diverged:
+            raise RuntimeError(
+                f"{scene.name}: the reference run blew up at t = {sim.time:g} s ({report.cause}); "
+                "the scene isn't stable at its own nominal stiffness"
+            )
+        rows.append(_look(sim))
+    table = np.array(rows)
+    return Observables(table[:, :2], table[:, 2], table[:, 3])
+
+
+def _look(sim: Simulation) -> tuple[float, float, float, float]:
+    numbers = sim.diagnostics()
+    names = ("com_x", "com_y", "kinetic_energy", "clumping")
+    return tuple(numbers[name] for name in names)  # type: ignore[return-value]
+
+
+def _cfl_substeps(scene: Scene) -> float:
+    """Mean substeps a frame of the tuned rule; a smaller Courant multiple if it should blow up."""
+    for courant in (TunedCfl().courant, 0.6, 0.4, 0.25):
+        rule = TunedCfl(courant=courant)
+        sim = Simulation(scene)
+        substeps = []
+        for _ in range(n_frames(scene)):
+            sim.controls = rule(sim)
+            report = sim.advance(scene.frame)
+            if report.diverged:
+                break
+            substeps.append(report.n_substeps)
+        else:
+            return float(np.mean(substeps))
+    raise RuntimeError(f"{scene.name}: the CFL rule blew up even at a Courant multiple of 0.25")
+
+
+def _read(path: Path) -> Reference | None:
+    """A stored reference; None if there is none or it can't be read, for it can be recomputed."""
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            runs = [Observables(*(data[f"{name}{k}"] for name in Observables._fields))
+                    for k in range(3)]  # fmt: skip
+            return Reference(runs[0], tuple(runs[1:]), float(data["cfl_substeps"]))
+    except (OSError, ValueError, KeyError, EOFError):
+        return None
+    except Exception as error:  # zipfile.BadZipFile and what else a torn file can raise
+        warnings.warn(f"{path} is damaged and will be rebuilt: {error}", stacklevel=2)
+        return None
+
+
+def _write(path: Path, stored: Reference) -> None:
+    """Store atomically, so that two processes may do it at once."""
+    arrays = {
+        f"{name}{k}": array
+        for k, run in enumerate((stored.fine, *stored.twins))
+        for name, array in run._asdict().items()
+    }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
+            np.savez_compressed(file, cfl_substeps=stored.cfl_substeps, **arrays)
+        os.replace(file.name, path)
+    except OSError as error:
+        warnings.warn(f"the reference can't be kept on disk: {error}", stacklevel=2)

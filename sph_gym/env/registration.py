@@ -1,0 +1,28 @@
+"""The ids under which Gymnasium knows the environments."""
+
+import gymnasium as gym
+
+from sph_gym import scenes
+
+VERSION = "v0"
+
+
+def env_id(scene: str) -> str:
+    """The id of a scene's environment: "dam_break" -> "sph_gym/DamBreak-v0"."""
+    return f"sph_gym/{scene.title().replace('_', '')}-{VERSION}"
+
+
+def scene_of(id_: str) -> str:
+    """The scene of an id. Raises ValueError that lists the known ids."""
+    known = {env_id(scene): scene for scene in scenes.names()}
+    if id_ not in known:
+        raise ValueError(f"id: expected one of {', '.join(known)}, got {id_!r}")
+    return known[id_]
+
+
+def register_all() -> None:
+    """Register one id per scene, and sph_gym/Custom-v0 for a `scene=` of the user's own."""
+    entry_point = "sph_gym.env.tuning:TuningEnv"
+    for scene in scenes.names():
+        gym.register(env_id(scene), entry_point=entry_point, kwargs={"scene": scene})
+    gym.register(f"sph_gym/Custom-{VERSION}", entry_point=entry_point)

@@ -1,0 +1,165 @@
+"""Colour maps, and the quantities by which particles can be coloured."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sph_gym.solver.checks import known
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Simulation
+
+Rgb = tuple[int, int, int]
+Bytes = NDArray[np.uint8]
+
+PAGE: Rgb = (248, 248, 246)
+DOMAIN: Rgb = (255, 255, 255)
+RULE: Rgb = (214, 217, 221)
+INK: Rgb = (38, 44, 54)
+MUTED: Rgb = (116, 123, 134)
+WALL: Rgb = (201, 205, 211)
+EDGE: Rgb = (112, 119, 130)
+ARROW: Rgb = (214, 40, 57)
+# Particles whose value isn't a number, and the index at which a palette has this colour.
+BAD: Rgb = (255, 0, 144)
+BAD_INDEX = 256
+
+
+def interpolated(anchors: ArrayLike) -> Bytes:
+    """A (256, 3) look-up table through evenly spaced anchors, (k, 3) sRGB values in [0, 255]."""
+    table = np.asarray(anchors, dtype=float)
+    at = np.linspace(0.0, len(table) - 1.0, 256)
+    columns = [np.interp(at, np.arange(len(table)), column) for column in table.T]
+    return np.stack(columns, axis=-1).round().astype(np.uint8)
+
+
+# Every 15th entry of viridis: lightness rises evenly, also for colour-blind eyes.
+# Source: S. van der Walt and N. Smith, matplotlib, CC0.
+VIRIDIS = interpolated(
+    [
+        (68, 1, 84),
+        (72, 23, 105),
+        (71, 42, 122),
+        (67, 61, 132),
+        (61, 78, 138),
+        (53, 94, 141),
+        (46, 109, 142),
+        (41, 123, 142),
+        (35, 137, 142),
+        (31, 151, 139),
+        (33, 165, 133),
+        (46, 179, 124),
+        (70, 192, 111),
+        (101, 203, 94),
+        (137, 213, 72),
+        (176, 221, 47),
+        (216, 226, 25),
+        (253, 231, 37),
+    ]
+)
+
+# Two straight lines in CIELAB that meet in a neutral grey. Lightness rises all the way, so that
+# too thin and too dense stay apart in greyscale; blue and amber stay apart for colour-blind eyes.
+BLUE_AMBER = interpolated(
+    [
+        (0, 66, 144),
+        (54, 80, 144),
+        (82, 96, 145),
+        (105, 111, 145),
+        (125, 128, 145),
+        (145, 145, 145),
+        (170, 158, 137),
+        (194, 172, 128),
+        (217, 186, 118),
+        (240, 200, 107),
+        (255, 215, 94),
+    ]
+)
+
+
+class Quantity(NamedTuple):
+    """What a colour stands for.
+
+    label and unit ("" for a bare number) as they stand at the colour bar; palette: (256, 3)
+    uint8; values: of a simulation, (n_fluid,) in that unit; limits: of a scene, the values at
+    the ends of the palette, fixed for a run so that a colour means the same in every frame.
+    """
+
+    label: str
+    unit: str
+    palette: Bytes
+    values: Callable[[Simulation], NDArray[Any]]
+    limits: Callable[[Scene], tuple[float, float]]
+
+    @property
+    def title(self) -> str:
+        """Label and unit in one string."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+
+def velocity_scale(scene: Scene) -> float:
+    """The largest speed [m/s] that the scene was made for, a tenth of its sound speed."""
+    return scene.fluid.c0 / 10.0
+
+
+def _speed(sim: Simulation) -> NDArray[Any]:
+    return np.hypot(*sim.v[: sim.n_fluid].T)
+
+
+def _density(sim: Simulation) -> NDArray[Any]:
+    return sim.rho[: sim.n_fluid] / sim.scene.fluid.rho0
+
+
+def _pressure(sim: Simulation) -> NDArray[Any]:
+    return sim.p[: sim.n_fluid]
+
+
+def _neighbors(sim: Simulation) -> NDArray[Any]:
+    return sim.neighbor_counts
+
+
+def _pressure_limits(scene: Scene) -> tuple[float, float]:
+    # what a compression by 1 % costs at the nominal stiffness: weakly compressible means below
+    return 0.0, scene.fluid.rho0 * velocity_scale(scene) ** 2
+
+
+def _neighbor_limits(scene: Scene) -> tuple[float, float]:
+    on_lattice = math.pi * (scene.h / scene.dx) ** 2
+    return 0.0, float(math.ceil(1.5 * on_lattice))
+
+
+QUANTITIES: dict[str, Quantity] = {
+    "speed": Quantity("speed", "m/s", VIRIDIS, _speed, lambda s: (0.0, velocity_scale(s))),
+    "density": Quantity("density / rest density", "", BLUE_AMBER, _density, lambda _: (0.9, 1.1)),
+    "pressure": Quantity("pressure", "Pa", VIRIDIS, _pressure, _pressure_limits),
+    "neighbors": Quantity("neighbours", "", VIRIDIS, _neighbors, _neighbor_limits),
+}
+
+
+def quantity(name: str) -> Quantity:
+    """The quantity called `name`; ValueError that lists the known ones if there is none."""
+    return QUANTITIES[known("color", name, QUANTITIES)]
+
+
+def palette_index(values: ArrayLike, limits: tuple[float, float]) -> NDArray[np.int64]:
+    """Where (n,) values stand between the limits: 0 to 255, or `BAD_INDEX` if not finite."""
+    given = np.asarray(values, dtype=float)
+    finite = np.isfinite(given)
+    low, high = limits
+    share = (np.where(finite, given, low) - low) / (high - low)
+    return np.where(finite, (np.clip(share, 0.0, 1.0) * 255).round(), BAD_INDEX).astype(np.int64)
+
+
+def ticks(limits: tuple[float, float], n_max: int) -> tuple[list[float], int]:
+    """At most `n_max` round numbers within the limits (always one), and their decimals."""
+    low, high = limits
+    exponent = math.floor(math.log10((high - low) / max(n_max, 1))) - 1
+    steps = (base * 10.0**power for power in range(exponent, exponent + 4) for base in (1, 2, 5))
+    for step in steps:
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first < max(n_max, 1):
+            break
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    return [i * step for i in range(first, last + 1)] or [low], decimals

@@ -1,0 +1,176 @@
+"""`Painter`: frames of a running simulation as arrays, without a display."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Simulation
+from sph_gym.view import colors
+from sph_gym.view.layout import LINE, arrange
+from sph_gym.view.overlays import (
+    arrow_carriers,
+    arrow_length,
+    arrow_unit,
+    draw_arrows,
+    draw_box,
+    draw_color_bar,
+    draw_controls,
+)
+from sph_gym.view.particles import Discs
+from sph_gym.view.toolkit import Lettering, load
+
+if TYPE_CHECKING:
+    from pygame import Surface
+
+# Discs of fluid are larger than dx by so many pixels, or a fine fluid would look threadbare;
+# those of walls are smaller by a share, and so stay apart.
+OVERLAP, WALL_SHARE = 0.6, 0.9
+# Below this diameter [pixels] discs would be lost between the pixels.
+SMALLEST = 2.0
+
+
+class Painter:
+    """Paints pictures of one scene, all of the same size and of the same part of space.
+
+    scene: what will be shown; size: width [pixels], from which the height follows, or (width,
+    height); color: a key of `QUANTITIES`; arrows: whether to draw the forces per mass;
+    n_lines: rows of text to keep free (three rows of text always fit, the controls included).
+    `color` and `arrows` may be changed at any time. Needs no display and touches none.
+
+    Raises ValueError for an unknown colour and for sizes that leave no room for the fluid.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: int | tuple[int, int] = 640,
+        color: str = "speed",
+        arrows: bool = False,
+        n_lines: int = 2,
+    ) -> None:
+        if not isinstance(scene, Scene):
+            raise ValueError(f"scene: expected a Scene, got {scene!r}")
+        self.scene = scene
+        self.color = color
+        self.arrows = arrows
+        self.layout = arrange(scene, size, n_lines)
+        spacing = scene.dx * self.layout.scale
+        self._diameter = max(spacing + OVERLAP, SMALLEST)
+        self._discs: dict[str, Discs] = {}
+        wall_diameter = max(WALL_SHARE * spacing, SMALLEST)
+        self._wall_discs = Discs([colors.WALL], wall_diameter, rim=False)
+        em = self.layout.em
+        self._title = Lettering(em, colors.INK, bold=True)
+        self._ink = Lettering(em, colors.INK)
+        self._muted = Lettering(em, colors.MUTED)
+        self._surface: Surface = load().Surface(self.size, 0, 32)
+        self._backdrop: Surface = load().Surface(self.size, 0, 32)
+        self._wall_x: NDArray[Any] | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the pictures [pixels], both even."""
+        return self.layout.size
+
+    @property
+    def color(self) -> str:
+        """What the colours stand for: a key of `QUANTITIES`; ValueError for any other."""
+        return self._color
+
+    @color.setter
+    def color(self, name: str) -> None:
+        self._quantity = colors.quantity(name)
+        self._color = name
+
+    def paint(
+        self, sim: Simulation, title: str = "", lines: Sequence[str] = ()
+    ) -> NDArray[np.uint8]:
+        """A new picture, (height, width, 3), of the present state.
+
+        title: above the fluid, by default the scene's name; lines: shown below the controls.
+        Raises ValueError if there are more lines than rows were kept free.
+        """
+        surface = self.draw(sim, title, lines)
+        data = load().image.tobytes(surface, "RGB")
+        width, height = self.size
+        return np.frombuffer(data, np.uint8).reshape(height, width, 3).copy()
+
+    def draw(self, sim: Simulation, title: str = "", lines: Sequence[str] = ()) -> "Surface":
+        """Like `paint`, onto the painter's own surface: it holds until the next picture."""
+        if len(lines) > self.layout.n_lines:
+            raise ValueError(
+                f"lines: expected at most {self.layout.n_lines} (Painter(n_lines=...) makes "
+                f"room for more), got {len(lines)}"
+            )
+        x = sim.x
+        self._draw_backdrop(x[sim.n_fluid :])
+        unit = self._draw_fluid(sim, x[: sim.n_fluid])
+        self._draw_header(sim, title, unit)
+        self._draw_footer(sim, lines)
+        return self._surface
+
+    def _draw_backdrop(self, wall_x: NDArray[Any]) -> None:
+        """The walls and the empty domain, which are drawn anew only after walls have moved."""
+        if self._wall_x is None or not np.array_equal(wall_x, self._wall_x):
+            frame = load().Rect(self.layout.domain)
+            self._backdrop.fill(colors.PAGE)
+            self._backdrop.fill(colors.RULE, frame.inflate(2, 2))
+            self._backdrop.fill(colors.DOMAIN, frame)
+            inside = self._backdrop.subsurface(frame)
+            first = np.zeros(len(wall_x), np.int64)
+            self._wall_discs.draw(inside, self.layout.pixels(wall_x), first)
+            draw_box(inside, self.layout, self.scene)
+            self._wall_x = wall_x
+        self._surface.blit(self._backdrop, (0, 0))
+
+    def _draw_fluid(self, sim: Simulation, x: NDArray[Any]) -> float:
+        """The fluid at x (n_fluid, 2) [m]; returns the unit of its arrows [m/s^2], 0 without."""
+        inside = self._surface.subsurface(load().Rect(self.layout.domain))
+        at, shown = self.layout.pixels(x), self._quantity
+        index = colors.palette_index(shown.values(sim), shown.limits(self.scene))
+        if self._color not in self._discs:
+            palette = np.concatenate([shown.palette, [colors.BAD]])
+            self._discs[self._color] = Discs(palette, self._diameter)
+        self._discs[self._color].draw(inside, at, index)
+        return self._draw_forces(inside, sim, at) if self.arrows else 0.0
+
+    def _draw_forces(self, inside: "Surface", sim: Simulation, at: NDArray[Any]) -> float:
+        a = sim.a[: sim.n_fluid]
+        unit = arrow_unit(self.scene, a)
+        carriers = arrow_carriers(len(a))
+        length = arrow_length(self.layout, self.scene.dx, len(a))
+        along = a[carriers] * (length / unit, -length / unit)
+        draw_arrows(inside, at[carriers], along, 2 * length)
+        return unit
+
+    def _draw_header(self, sim: Simulation, title: str, unit: float) -> None:
+        """Title on the left, time on the right, and what an arrow's length stands for."""
+        left, _, width, _ = self.layout.domain
+        em = self.layout.em
+        y, right = 0.7 * em, left + width
+        time = f"t = {sim.time:.3f} s"
+        self._ink.draw(self._surface, time, right, y, align=1.0)
+        # as wide as the widest digits, so that nothing moves while time goes on
+        right -= round(max(self._ink.width(time), 6 * em))
+        if unit > 0:
+            text = f"{unit:g} m/s²"
+            right -= round(self._muted.width(text) + em)
+            self._muted.draw(self._surface, text, right, y)
+            length = arrow_length(self.layout, self.scene.dx, sim.n_fluid)
+            right -= round(length + 0.5 * em)
+            start = np.array([[right, y + 0.65 * em]])
+            draw_arrows(self._surface, start, np.array([[length, 0.0]]), length)
+        title = title or self.scene.name.replace("_", " ").capitalize()
+        self._title.draw(self._surface, self._title.fitted(title, right - left - em), left, y)
+
+    def _draw_footer(self, sim: Simulation, lines: Sequence[str]) -> None:
+        limits = self._quantity.limits(self.scene)
+        draw_color_bar(self._surface, self.layout, self._quantity, limits, self._muted)
+        n_rows = draw_controls(self._surface, self.layout, sim, self._muted, self._ink)
+        left, top, width, _ = self.layout.footer
+        for row, line in enumerate(lines, start=n_rows):
+            y = top + row * LINE * self.layout.em
+            self._ink.draw(self._surface, self._ink.fitted(line, width), left, y)

@@ -1,0 +1,170 @@
+"""Where things go: which part of space is seen, and where on the picture; no drawing here."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.solver.scene import Scene
+
+# How much larger than the fluid the view is where no walls hold it.
+OPEN_SPACE = 1.5
+# Share of the height that is kept free above walls without a lid.
+SPLASH = 0.12
+# The smallest picture [pixels] in which the text can still be read.
+MIN_WIDTH = 240
+MIN_DOMAIN = 48
+# Height of the domain over width of the picture, where only the width is asked for.
+FLATTEST, TALLEST = 0.15, 0.7
+# One line of text and one setting of the controls [em].
+LINE, FIELD = 1.6, 8.0
+
+
+class Bounds(NamedTuple):
+    """A rectangle in space [m]."""
+
+    x_min: float
+    x_max: float
+    y_min: float
+    y_max: float
+
+    @property
+    def width(self) -> float:
+        """Horizontal extent [m]."""
+        return self.x_max - self.x_min
+
+    @property
+    def height(self) -> float:
+        """Vertical extent [m]."""
+        return self.y_max - self.y_min
+
+
+class Area(NamedTuple):
+    """A rectangle on the picture [pixels], y downwards."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+
+class Layout(NamedTuple):
+    """A picture's plan.
+
+    size: width and height [pixels], both even; em: size of the text [pixels]; domain: where the
+    fluid is seen; footer: what is left for text below it; color_bar: its right-hand end;
+    view: what the domain shows [m]; scale: [pixels/m]; n_lines: rows for extra text.
+    """
+
+    size: tuple[int, int]
+    em: int
+    domain: Area
+    footer: Area
+    color_bar: Area
+    view: Bounds
+    scale: float
+    n_lines: int
+
+    def pixels(self, x: NDArray[Any]) -> NDArray[np.float64]:
+        """(n, 2) positions [m] as (n, 2) pixels from the domain's upper left corner."""
+        origin = np.array([self.view.x_min, self.view.y_max])
+        return (np.asarray(x, dtype=float) - origin) * (self.scale, -self.scale)
+
+
+def view_bounds(scene: Scene) -> Bounds:
+    """What to show for a whole run: walls and fluid at the start, or the blob and space around."""
+    walls, margin = scene.walls, scene.dx
+    points = np.asarray(scene.x)
+    if walls is not None and walls.particles is not None:
+        points = np.concatenate([points, np.asarray(walls.particles)])
+    low, high = points.min(axis=0) - scene.dx / 2, points.max(axis=0) + scene.dx / 2
+    if walls is None:
+        half = np.maximum(OPEN_SPACE * (high - low) / 2, 4 * scene.dx)
+        low, high = (low + high) / 2 - half, (low + high) / 2 + half
+        return Bounds(low[0], high[0], low[1], high[1])
+    sides = (low[0], high[0], low[1], high[1])
+    if walls.box is not None:
+        # a side at infinity is open: there the particles alone decide
+        box = np.where(np.isfinite(walls.box), walls.box, sides)
+        outward = np.array([-1, 1, -1, 1])
+        sides = tuple(outward * np.maximum(outward * sides, outward * box))
+    x_min, x_max, y_min, y_max = (float(side) for side in sides)
+    if walls.box is None or not math.isfinite(walls.box[3]):
+        y_max += SPLASH * (y_max - y_min)
+    return Bounds(x_min - margin, x_max + margin, y_min - margin, y_max + margin)
+
+
+def arrange(scene: Scene, size: int | tuple[int, int], n_lines: int) -> Layout:
+    """The plan of a picture of a scene.
+
+    size: width [pixels], from which the height follows, or width and height; odd numbers are
+    rounded up. n_lines: rows of text to keep free besides that of the controls. Raises
+    ValueError for sizes that leave no room, and for a negative number of lines.
+    """
+    width, height = requested(size)
+    if not isinstance(n_lines, int) or n_lines < 0:
+        raise ValueError(f"n_lines: expected a whole number of at least 0, got {n_lines!r}")
+    em = max(9, round(5 + width / 90))
+    room = width - 2 * em
+    bar_width = min(max(round(0.36 * width), 9 * em), 22 * em)
+    n_rows = max(3, control_rows(room - bar_width - 2 * em, em) + n_lines)
+    header, footer = round(2.4 * em), round((0.6 + LINE * n_rows + 0.5) * em)
+    bounds = view_bounds(scene)
+    if height is None:
+        ratio = bounds.height / bounds.width
+        domain = room * min(max(ratio, FLATTEST), TALLEST)
+        height = even(round(header + max(domain, MIN_DOMAIN) + footer))
+    domain_area = Area(em, header, room, height - header - footer)
+    if domain_area.height < MIN_DOMAIN:
+        raise ValueError(
+            f"size: expected a height of at least {MIN_DOMAIN + header + footer} pixels for "
+            f"{n_lines} extra lines of text, got {height}"
+        )
+    scale = min(room / bounds.width, domain_area.height / bounds.height)
+    below = header + domain_area.height + round(0.6 * em)
+    return Layout(
+        (width, height),
+        em,
+        domain_area,
+        Area(em, below, room - bar_width - 2 * em, height - below),
+        Area(width - em - bar_width, below, bar_width, height - below),
+        widened(bounds, room / scale, domain_area.height / scale, scene.walls is not None),
+        scale,
+        n_rows - control_rows(room - bar_width - 2 * em, em),
+    )
+
+
+def control_rows(room: float, em: int) -> int:
+    """How many rows the three controls take in a column of that many pixels."""
+    return math.ceil(3 / min(max(int(room / (FIELD * em)), 1), 3))
+
+
+def requested(size: int | tuple[int, int]) -> tuple[int, int | None]:
+    """Even width and, if it is given, even height; ValueError for anything that isn't a size."""
+    sides = (size,) if isinstance(size, (int, np.integer)) else tuple(size)
+    whole = all(isinstance(side, (int, np.integer)) for side in sides)
+    if not whole or len(sides) not in (1, 2) or sides[0] < MIN_WIDTH or min(sides) < 1:
+        raise ValueError(
+            f"size: expected a width of at least {MIN_WIDTH} pixels, or (width, height), "
+            f"got {size!r}"
+        )
+    return even(sides[0]), even(sides[1]) if len(sides) == 2 else None
+
+
+def even(n: int) -> int:
+    """The smallest even number that isn't below n: video encoders want no others."""
+    return int(n) + int(n) % 2
+
+
+def widened(bounds: Bounds, width: float, height: float, on_floor: bool) -> Bounds:
+    """The bounds enlarged to width and height [m]: sideways evenly, and upwards if `on_floor`."""
+    aside = max(width - bounds.width, 0.0) / 2
+    above = max(height - bounds.height, 0.0)
+    below = 0.0 if on_floor else above / 2
+    return Bounds(
+        bounds.x_min - aside,
+        bounds.x_max + aside,
+        bounds.y_min - below,
+        bounds.y_max + above - below,
+    )

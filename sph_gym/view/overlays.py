@@ -1,0 +1,161 @@
+"""What is drawn around and over the fluid: walls, arrows, the colour bar, the controls."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.solver.scene import Gravity, Scene
+from sph_gym.solver.simulation import Simulation
+from sph_gym.view.colors import ARROW, EDGE, RULE, Quantity, ticks
+from sph_gym.view.layout import FIELD, LINE, Layout, control_rows
+from sph_gym.view.toolkit import Lettering, load, sprite
+
+if TYPE_CHECKING:
+    from pygame import Surface
+
+# More arrows than this hide the fluid; the same particles carry them in every frame.
+MAX_ARROWS = 200
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, and an exponent only where it is huge or tiny."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    decimals = digits - 1 - math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if not -3 <= decimals <= 6:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{max(decimals, 0)}f}"
+
+
+def seconds(dt: float) -> str:
+    """A time step in the unit that suits it: s, ms or µs."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if dt >= 0.9995 * size:
+            return f"{significant(dt / size)} {unit}"
+    return f"{significant(dt / 1e-6)} µs"
+
+
+def draw_box(surface: "Surface", layout: Layout, scene: Scene) -> None:
+    """The finite sides of the box that clamps particles, as lines on the domain."""
+    if scene.walls is None or scene.walls.box is None:
+        return
+    pygame, view = load(), layout.view
+    last = np.array(layout.domain[2:]) - 1
+    x_min, x_max = np.clip(scene.walls.box[:2], view.x_min, view.x_max)
+    y_min, y_max = np.clip(scene.walls.box[2:], view.y_min, view.y_max)
+    corners = np.array([[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]])
+    # on whole pixels, or the lines would be two of them wide and pale
+    at = np.clip(np.floor(layout.pixels(corners)), 0, last).tolist()
+    left_below, right_below, right_above, left_above = at
+    sides = (
+        (left_below, left_above),
+        (right_below, right_above),
+        (left_below, right_below),
+        (left_above, right_above),
+    )
+    for place, ends in zip(scene.walls.box, sides, strict=True):
+        if math.isfinite(place):
+            pygame.draw.line(surface, EDGE, *ends)
+
+
+def arrow_unit(scene: Scene, a: NDArray[Any]) -> float:
+    """The acceleration [m/s^2] of an arrow of unit length: round, above most of the fluid's.
+
+    It is never below gravity, so that arrows vanish in a fluid at rest.
+    """
+    size = np.hypot(*a.T)
+    size = size[np.isfinite(size)]
+    typical = float(np.quantile(size, 0.9)) if size.size else 0.0
+    gravity = scene.effects.gravity
+    if isinstance(gravity, Gravity):
+        typical = max(typical, math.hypot(gravity.x, gravity.y))
+    if typical == 0.0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(typical))
+    return next(power * step for step in (1, 2, 5, 10, 20) if power * step >= typical)
+
+
+def arrow_length(layout: Layout, dx: float, n: int) -> float:
+    """Length [pixels] of the arrow that stands for `arrow_unit`, for n particles."""
+    between = dx * layout.scale * math.sqrt(max(n / MAX_ARROWS, 1.0))
+    return min(max(1.5 * between, 1.8 * layout.em), 4.0 * layout.em)
+
+
+def arrow_carriers(n: int) -> NDArray[np.int64]:
+    """Which of n particles carry arrows: evenly strewn, always the same."""
+    if n <= MAX_ARROWS:
+        return np.arange(n)
+    golden = (math.sqrt(5) - 1) / 2
+    return np.unique((np.arange(MAX_ARROWS) * golden % 1.0 * n).astype(np.int64))
+
+
+def draw_arrows(
+    surface: "Surface", start: NDArray[Any], along: NDArray[Any], longest: float
+) -> None:
+    """Arrows from (n, 2) pixels along (n, 2) vectors [pixels], cut off at `longest` pixels."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        length = np.hypot(*along.T)
+        shown = (length >= 2.0) & np.isfinite(start).all(axis=1) & np.isfinite(length)
+        start, along, length = start[shown], along[shown], length[shown]
+    ahead = along / length[:, None]
+    length = np.minimum(length, longest)[:, None]
+    head = np.clip(0.4 * length, 3.0, 7.0)
+    side = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1) * head * 0.42
+    tip, neck = start + ahead * length, start + ahead * (length - head)
+    pygame = load()
+    parts = (part.tolist() for part in (start, neck, tip, neck + side, neck - side))
+    for foot, end, point, left, right in zip(*parts, strict=True):
+        pygame.draw.aaline(surface, ARROW, foot, end)
+        pygame.draw.polygon(surface, ARROW, (point, left, right))
+        pygame.draw.aalines(surface, ARROW, True, (point, left, right))
+
+
+def draw_color_bar(
+    surface: "Surface",
+    layout: Layout,
+    quantity: Quantity,
+    limits: tuple[float, float],
+    lettering: Lettering,
+) -> None:
+    """The palette with its label, its unit and round numbers."""
+    pygame = load()
+    left, top, width, _ = layout.color_bar
+    em = layout.em
+    lettering.draw(surface, lettering.fitted(quantity.title, width), left, top)
+    bar_top, bar_height = round(top + LINE * em), round(0.8 * em)
+    row = quantity.palette[np.linspace(0, 255, width).round().astype(int)]
+    rgb = np.repeat(row[:, None], bar_height, axis=1)
+    surface.blit(sprite(rgb, np.full(rgb.shape[:2], 255)), (left, bar_top))
+    low, high = limits
+    numbers, decimals = ticks(limits, max(2, int(width / (3.6 * em))))
+    for number in numbers:
+        x = left + (width - 1) * (number - low) / (high - low)
+        pygame.draw.line(surface, EDGE, (x, bar_top + bar_height), (x, bar_top + bar_height + 3))
+        text = f"{number:.{decimals}f}" if abs(number) < 1e6 else f"{number:.0e}"
+        half = lettering.width(text) / 2
+        middle = min(max(x, left + half), left + width - half)
+        lettering.draw(surface, text, middle, bar_top + bar_height + 4, align=0.5)
+
+
+def draw_controls(
+    surface: "Surface", layout: Layout, sim: Simulation, names: Lettering, values: Lettering
+) -> int:
+    """dt, sound speed and xsph, each at its own fixed place; returns the rows that they took."""
+    dt, _, xsph = sim.controls
+    shown = {
+        "dt": seconds(dt),
+        "c": f"{significant(sim.sound_speed)} m/s",
+        "xsph": f"{xsph:.2f}" if sim.scene.effects.xsph else "off",
+    }
+    left, top, width, _ = layout.footer
+    n_rows = control_rows(width, layout.em)
+    n_columns = -(-len(shown) // n_rows)
+    for k, (name, value) in enumerate(shown.items()):
+        row, column = divmod(k, n_columns)
+        x = left + column * FIELD * layout.em
+        y = top + row * LINE * layout.em
+        end = names.draw(surface, name, x, y)
+        values.draw(surface, value, end + 0.4 * layout.em, y)
+    return n_rows

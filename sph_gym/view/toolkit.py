@@ -1,0 +1,126 @@
+"""The drawing library, imported on first use, and lettering that looks the same everywhere."""
+
+import os
+import threading
+from functools import lru_cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.view.colors import Rgb
+
+if TYPE_CHECKING:
+    from pygame import Surface
+
+# Glyphs are drawn this many times too large and averaged: without a display's font hinting, and
+# at fractions of a pixel, so that small text is evenly spaced.
+OVERSAMPLED = 8
+# pygame's own font is given a size that is scaled by this to get at the em.
+FONT_SCALE = 0.6875
+GREETING = "PYGAME_HIDE_SUPPORT_PROMPT"
+
+_font_lock = threading.Lock()
+
+
+@lru_cache(maxsize=1)
+def load() -> Any:
+    """The module pygame, imported without the greeting that it prints."""
+    silent_before = GREETING in os.environ
+    os.environ.setdefault(GREETING, "1")
+    try:
+        pygame = import_module("pygame")
+        import_module("pygame.surfarray")
+    finally:
+        if not silent_before:
+            os.environ.pop(GREETING, None)
+    return pygame
+
+
+def _thinned(mask: NDArray[np.float32], times: int) -> NDArray[np.float32]:
+    """The mask with its strokes thinner by two large pixels each time."""
+    for _ in range(times):
+        wide = np.pad(mask, 1)
+        rows = np.minimum(np.minimum(wide[:-2], wide[1:-1]), wide[2:])
+        mask = np.minimum(np.minimum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
+    return mask
+
+
+@lru_cache(maxsize=4096)
+def _glyph(char: str, em: int, bold: bool) -> tuple[NDArray[np.float32], float]:
+    """Coverage (w, h) of a glyph, oversampled, and its advance [pixels]."""
+    pygame = load()
+    with _font_lock:
+        # idempotent, needs no display; the font is not kept, since others may quit the module
+        pygame.font.init()
+        font = pygame.font.Font(None, round(em * OVERSAMPLED / FONT_SCALE))
+        drawn = font.render(char, True, (255, 255, 255))
+        advance = font.size(char)[0] / OVERSAMPLED
+    mask = pygame.surfarray.array_alpha(drawn).astype(np.float32)
+    # pygame brings a bold font only; letters and digits can be made regular, thin signs not
+    regular = not bold and (char.isalpha() or char.isdecimal())
+    return _thinned(mask, max(1, OVERSAMPLED * em // 65) if regular else 0), advance
+
+
+class Lettering:
+    """Text of one size, weight and colour.
+
+    em: size [pixels]; bold: heavy strokes. Glyphs are kept, so that text is cheap to redraw.
+    """
+
+    def __init__(self, em: int, color: Rgb, bold: bool = False) -> None:
+        self.em = em
+        self.color = color
+        self.bold = bold
+        self._sprites: dict[tuple[str, int], Surface] = {}
+
+    def width(self, text: str) -> float:
+        """Width of the text [pixels]."""
+        return sum(_glyph(char, self.em, self.bold)[1] for char in text)
+
+    def fitted(self, text: str, room: float) -> str:
+        """The text, cut off with an ellipsis if it is wider than `room` [pixels]."""
+        if self.width(text) <= room:
+            return text
+        while text and self.width(text + "…") > room:
+            text = text[:-1]
+        return text.rstrip() + "…" if text else ""
+
+    def draw(self, surface: "Surface", text: str, x: float, y: float, align: float = 0.0) -> float:
+        """Draw at x (left end for align 0, middle for 0.5, right end for 1) and the top y.
+
+        Returns the x [pixels] at which the text ends.
+        """
+        pen = x - align * self.width(text)
+        placed = []
+        for char in text:
+            whole, part = divmod(round(pen * OVERSAMPLED), OVERSAMPLED)
+            placed.append((self._sprite(char, part), (whole, round(y))))
+            pen += _glyph(char, self.em, self.bold)[1]
+        surface.fblits(placed)
+        return pen
+
+    def _sprite(self, char: str, part: int) -> "Surface":
+        key = char, part
+        if key not in self._sprites:
+            self._sprites[key] = self._make_sprite(char, part)
+        return self._sprites[key]
+
+    def _make_sprite(self, char: str, part: int) -> "Surface":
+        mask, _ = _glyph(char, self.em, self.bold)
+        width = -(-(mask.shape[0] + part) // OVERSAMPLED)
+        height = -(-mask.shape[1] // OVERSAMPLED)
+        shifted = np.zeros((width * OVERSAMPLED, height * OVERSAMPLED), np.float32)
+        shifted[part : part + mask.shape[0], : mask.shape[1]] = mask
+        alpha = shifted.reshape(width, OVERSAMPLED, height, OVERSAMPLED).mean(axis=(1, 3))
+        return sprite(np.broadcast_to(self.color, (width, height, 3)), alpha)
+
+
+def sprite(rgb: NDArray[Any], alpha: NDArray[Any]) -> "Surface":
+    """A surface with transparency from (w, h, 3) colours and (w, h) coverage, both in [0, 255]."""
+    pygame = load()
+    surface = pygame.Surface(alpha.shape, pygame.SRCALPHA, 32)
+    pygame.surfarray.pixels3d(surface)[...] = np.asarray(rgb).round()
+    pygame.surfarray.pixels_alpha(surface)[...] = np.asarray(alpha).round()
+    return surface

@@ -1,0 +1,232 @@
+"""`Window`: a running simulation on the screen, with keys to pause it and to look closer."""
+
+import weakref
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sph_gym.solver.checks import positive
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Simulation
+from sph_gym.view import colors
+from sph_gym.view.frames import Painter
+from sph_gym.view.toolkit import Lettering, load
+
+if TYPE_CHECKING:
+    from pygame.event import Event
+
+HELP = (
+    "space",
+    "pause",
+    "S",
+    "step",
+    "C",
+    "colour",
+    "N",
+    "neighbours",
+    "F",
+    "forces",
+    "P",
+    "picture",
+    "Q",
+    "quit",
+)
+# How long a paused window sleeps at most [ms], so that Ctrl-C in the terminal is heard.
+NAP = 200
+FASTEST = 60.0
+
+
+class Window:
+    """Shows a scene in motion, and is asked to by `show` after every frame of it.
+
+    scene: what will be shown; size, color, arrows, n_lines: as for `Painter`; fps: frames a
+    second at most, by default those of real time; pictures: the directory for the key P.
+
+    Keys: space pauses and goes on, S or the right arrow goes one frame further, C takes the next
+    quantity for the colours, N colours by neighbours and back, F draws the forces, P saves the
+    picture as PNG, Esc or Q closes.
+
+    The library has one display a process: a new window closes the one before. Raises ValueError
+    as `Painter` does, and RuntimeError where there is no screen.
+    """
+
+    _latest: "weakref.ref[Window] | None" = None
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: int | tuple[int, int] = 960,
+        color: str = "speed",
+        arrows: bool = False,
+        n_lines: int = 2,
+        fps: float | None = None,
+        pictures: str | Path = ".",
+    ) -> None:
+        self._size, self._n_lines = size, n_lines
+        self._fps = None if fps is None else positive("fps", fps)
+        self._pictures = Path(pictures)
+        self.paused = False
+        self._one_step = False
+        self._notice = ""
+        self._closed = False
+        self._painter = Painter(scene, size, color, arrows, n_lines)
+        self._color_before = color
+        before = Window._latest() if Window._latest is not None else None
+        if before is not None:
+            before.close()
+        self._open()
+        Window._latest = weakref.ref(self)
+        self._clock = load().time.Clock()
+        self._actions = self._make_actions()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the window is gone: closed by key, by mouse, by `close`, or with the display."""
+        return self._closed or load().display.get_surface() is None
+
+    def show(self, sim: Simulation, lines: Sequence[str] = (), title: str = "") -> None:
+        """Paint the present state, react to the keys, and wait as long as the window is paused.
+
+        lines, title: as for `Painter.paint`. A simulation of another scene is followed there.
+        Does nothing once the window is closed: ask `closed` whether to go on.
+        """
+        if self.closed:
+            return
+        if sim.scene is not self._painter.scene:
+            self._follow(sim.scene)
+        self._one_step = False
+        self._redraw(sim, lines, title)
+        for event in load().event.get():
+            self._react(event, sim, lines, title)
+        while self.paused and not self._one_step and not self.closed:
+            self._react(load().event.wait(NAP), sim, lines, title)
+        if not self.closed:
+            self._clock.tick(self._fps or min(1.0 / sim.scene.frame, FASTEST))
+
+    def close(self) -> None:
+        """Close the window and release the display; more than once does no harm."""
+        if not self.closed:
+            load().display.quit()
+        self._closed = True
+
+    # --- the screen -------------------------------------------------------------------------
+
+    def _open(self) -> None:
+        pygame = load()
+        self._letters = Lettering(self._painter.layout.em, colors.MUTED)
+        self._keys = Lettering(self._painter.layout.em, colors.INK, bold=True)
+        width, height = self._painter.size
+        try:
+            pygame.display.init()
+            pygame.display.set_mode((width, height + self._strip))
+        except pygame.error as error:
+            pygame.display.quit()
+            raise RuntimeError(
+                f"no screen to open a window on ({error}); Painter and render_mode='rgb_array' "
+                "need none"
+            ) from None
+        pygame.display.set_caption(self._painter.scene.name)
+
+    @property
+    def _strip(self) -> int:
+        """Height [pixels] of the line of help below the picture."""
+        return 2 * self._painter.layout.em
+
+    def _follow(self, scene: Scene) -> None:
+        old = self._painter
+        self._painter = Painter(scene, self._size, old.color, old.arrows, self._n_lines)
+        if self._painter.size != old.size:
+            self._open()
+        load().display.set_caption(scene.name)
+
+    def _redraw(self, sim: Simulation, lines: Sequence[str], title: str) -> None:
+        pygame = load()
+        screen = pygame.display.get_surface()
+        if screen is None:
+            return
+        screen.blit(self._painter.draw(sim, title, lines), (0, 0))
+        width, height = self._painter.size
+        screen.fill(colors.RULE, pygame.Rect(0, height, width, self._strip))
+        self._draw_help(screen, self._painter.layout.em, height + 0.4 * self._painter.layout.em)
+        pygame.display.flip()
+
+    def _draw_help(self, screen: Any, x: float, y: float) -> None:
+        em, width = self._painter.layout.em, self._painter.size[0]
+        if self._notice:
+            self._letters.draw(screen, self._letters.fitted(self._notice, width - 2 * em), x, y)
+            return
+        for key, meaning in zip(HELP[::2], HELP[1::2], strict=True):
+            if self.paused and meaning == "pause":
+                meaning = "run"
+            if x + self._keys.width(key) + self._letters.width(meaning) + 2 * em > width:
+                break
+            x = self._keys.draw(screen, key, x, y) + 0.4 * em
+            x = self._letters.draw(screen, meaning, x, y) + 1.2 * em
+
+    # --- the keys ---------------------------------------------------------------------------
+
+    def _make_actions(self) -> dict[int, Callable[[Simulation], None]]:
+        pygame = load()
+        return {
+            pygame.K_SPACE: self._toggle_pause,
+            pygame.K_s: self._step,
+            pygame.K_RIGHT: self._step,
+            pygame.K_c: self._next_color,
+            pygame.K_n: self._toggle_neighbors,
+            pygame.K_f: self._toggle_arrows,
+            pygame.K_p: self._save,
+            pygame.K_ESCAPE: self._quit,
+            pygame.K_q: self._quit,
+        }
+
+    def _react(self, event: "Event", sim: Simulation, lines: Sequence[str], title: str) -> None:
+        pygame = load()
+        if event.type == pygame.QUIT:
+            self.close()
+        elif event.type == pygame.KEYDOWN and event.key in self._actions:
+            self._notice = ""
+            self._actions[event.key](sim)
+        elif event.type != pygame.WINDOWEXPOSED:
+            return
+        if not self.closed:
+            self._redraw(sim, lines, title)
+
+    def _toggle_pause(self, _: Simulation) -> None:
+        self.paused = not self.paused
+
+    def _step(self, _: Simulation) -> None:
+        # a single step of what runs means: stop after it
+        self.paused = self._one_step = True
+
+    def _next_color(self, _: Simulation) -> None:
+        names = list(colors.QUANTITIES)
+        after = names.index(self._painter.color) + 1
+        self._painter.color = names[after % len(names)]
+
+    def _toggle_neighbors(self, _: Simulation) -> None:
+        present = self._painter.color
+        self._painter.color = self._color_before if present == "neighbors" else "neighbors"
+        self._color_before = "speed" if present == "neighbors" else present
+
+    def _toggle_arrows(self, _: Simulation) -> None:
+        self._painter.arrows = not self._painter.arrows
+
+    def _quit(self, _: Simulation) -> None:
+        self.close()
+
+    def _save(self, sim: Simulation) -> None:
+        """Save the picture under the scene's name and time; a failure must not end the run."""
+        pygame = load()
+        stem = f"{sim.scene.name}_{sim.time:.3f}s"
+        path = self._pictures / f"{stem}.png"
+        number = 2
+        while path.exists():
+            path = self._pictures / f"{stem}-{number}.png"
+            number += 1
+        try:
+            self._pictures.mkdir(parents=True, exist_ok=True)
+            pygame.image.save(self._painter.draw(sim), str(path))
+        except (OSError, pygame.error) as error:
+            self._notice = f"not saved: {error}"
+        else:
+            self._notice = f"saved {path}"

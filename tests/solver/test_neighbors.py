@@ -1,0 +1,127 @@
+"""The grid finds everybody whom brute force finds, and the sort loses nobody."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from sph_gym import Controls
+from sph_gym.solver.neighbors import (
+    CELLS_PER_PARTICLE,
+    cell,
+    count_cells,
+    make_grid,
+    scratch,
+    sort_into_cells,
+)
+from sph_gym.solver.state import allocate_particles, empty_like
+from tests.cases import CLOUDS, DX, STIFFNESS, assert_close, fluid, scene, simulation
+
+H = 2.6 * DX
+FAR = 1e4
+
+near = st.tuples(*[st.floats(-2 * H, 8 * H)] * 2)
+on_lattice = st.tuples(*[st.integers(-8, 20).map(lambda k: k * H / 4)] * 2)
+anywhere = st.tuples(*[st.floats(-FAR, FAR)] * 2)
+crowds = st.lists(st.one_of(near, on_lattice, anywhere), min_size=1, max_size=40)
+coincident = st.builds(lambda place, n: [place] * n, near, st.integers(1, 20))
+
+
+def in_both_ways(configuration, x, h=H):
+    """The same moving cloud with the grid and by brute force."""
+    x = np.array(x)
+    v = np.random.default_rng(len(x)).normal(size=x.shape)
+    controls = Controls(1e-6, STIFFNESS, 0.4)
+    return [
+        simulation(configuration, neighbors=kind, x=x, v=v, h=h, controls=controls)
+        for kind in ("grid", "brute")
+    ]
+
+
+def assert_equal(grid, brute):
+    assert (grid.neighbor_counts == brute.neighbor_counts).all()
+    for field in ("rho", "p", "a"):
+        assert_close(getattr(grid, field), getattr(brute, field), 1e-12)
+    reports = [sim.advance(sim.controls.dt) for sim in (grid, brute)]
+    assert reports[0] == reports[1]
+    assert_close(fluid(grid, "v"), fluid(brute, "v"), 1e-12)
+    assert grid.x == pytest.approx(brute.x, rel=1e-12, abs=1e-12 * DX)
+
+
+@pytest.mark.parametrize("configuration", ["none", "everything"])
+@given(st.one_of(crowds, coincident))
+@example([(0.0, 0.0)])
+@example([(0.0, 0.0), (H / 2, 0.0)])
+@example([(0.0, 0.0), (FAR, FAR)])
+@example([(-FAR, 0.0), (-FAR + H / 2, 0.0), (FAR, 0.0), (FAR, H / 3)])
+def test_grid_is_brute_force(configuration, x):
+    assert_equal(*in_both_ways(configuration, x))
+
+
+@pytest.mark.without_jit
+@pytest.mark.parametrize("cloud", CLOUDS)
+def test_grid_is_brute_force_on_clouds_with_strays(cloud):
+    strays = [(FAR, 0.0), (FAR, H / 2), (-FAR, -FAR)]
+    where = scene(cloud=cloud)
+    assert_equal(*in_both_ways("none", np.concatenate([where.x, strays]), where.h))
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("h_over_dx", [2, 3, 4])
+@pytest.mark.parametrize("origin", [0.0, 0.3, -17.1])
+def test_commensurate_lattices_lose_no_pair(h_over_dx, dtype, origin):
+    x = np.asarray(scene(cloud="lattice 2").x) + origin
+    grid, brute = (
+        simulation("none", dtype=dtype, neighbors=kind, x=x, v=None, h=h_over_dx * DX)
+        for kind in ("grid", "brute")
+    )
+    assert (grid.neighbor_counts == brute.neighbor_counts).all()
+    assert_close(grid.rho, brute.rho, {"float64": 1e-14, "float32": 1e-6}[dtype])
+
+
+def test_neighbor_counts_leave_the_particle_itself_out():
+    sim = simulation("none", x=[(0.0, 0.0), (0.5 * H, 0.0), (0.0, 0.0), (9.0, 9.0)], v=None)
+    assert sim.neighbor_counts.tolist() == [2, 2, 2, 0]
+
+
+# --- The sort -------------------------------------------------------------------------------
+
+
+def sorted_by_cells(x):
+    source = allocate_particles(x, np.arange(2.0 * len(x)).reshape(-1, 2), np.float64)
+    grid = make_grid(source, None, H)
+    start, cells = scratch(grid, len(x))
+    target = empty_like(source)
+    sort_into_cells(grid, source, target, start, cells)
+    return grid, start, target
+
+
+@pytest.mark.without_jit
+@pytest.mark.parametrize("cloud", CLOUDS)
+def test_sort_keeps_every_particle_whole_and_in_its_cell(cloud):
+    x = np.concatenate([scene(cloud=cloud).x, [(FAR, -FAR)]])
+    grid, start, target = sorted_by_cells(x)
+    assert sorted(target.id) == list(range(len(x)))
+    assert (np.stack([target.x, target.y], axis=-1) == x[target.id]).all()
+    assert (target.u == 2.0 * target.id).all()
+    assert (target.v == 2.0 * target.id + 1.0).all()
+    assert start[0] == 0
+    assert start[count_cells(grid)] == len(x)
+    for c in range(count_cells(grid)):
+        ids = target.id[start[c] : start[c + 1]]
+        assert all(cell(grid, *x[i]) == c for i in ids)
+        assert (np.diff(ids) > 0).all()  # stable
+
+
+@pytest.mark.without_jit
+def test_a_position_that_is_no_number_has_a_cell():
+    grid, _, _ = sorted_by_cells(np.asarray(scene().x))
+    assert cell(grid, np.nan, np.nan) == 0
+    assert cell(grid, np.inf, np.inf) == count_cells(grid) - 1
+    assert cell(grid, -np.inf, -np.inf) == 0
+
+
+@given(crowds)
+def test_strays_do_not_inflate_the_grid(x):
+    grid, _, _ = sorted_by_cells(np.array(x))
+    assert 1 <= count_cells(grid) <= CELLS_PER_PARTICLE * len(x) + 64

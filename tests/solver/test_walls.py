@@ -1,0 +1,139 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sph_gym import Simulation, Walls, lattice, scenes, tank_particles
+from tests.cases import BOX, DX, WIDTH, fluid, scene, simulation
+
+
+def bounce(x, v, restitution, dtype="float64"):
+    """A lonely particle in a unit box after one step of 0.01 s."""
+    walls = Walls(box=(0.0, 1.0, 0.0, 1.0), restitution=restitution)
+    controls = scene().controls._replace(dt=0.01)
+    sim = simulation("box", dtype=dtype, x=[x], v=[v], walls=walls, controls=controls)
+    sim.advance(0.01)
+    return sim.x[0], sim.v[0]
+
+
+@pytest.mark.without_jit
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize(("axis", "side"), [(0, 0.0), (0, 1.0), (1, 0.0), (1, 1.0)])
+def test_a_particle_bounces_off_a_side(axis, side, restitution):
+    x, v = np.full(2, 0.5), np.array([0.25, 0.25])
+    x[axis], v[axis] = abs(side - 0.01), 4.0 if side else -4.0
+    after_x, after_v = bounce(x, v, restitution)
+    assert after_x[axis] == side
+    assert after_v[axis] == -restitution * v[axis]
+    other = 1 - axis
+    assert after_x[other] == pytest.approx(0.5 + 0.01 * 0.25)
+    assert after_v[other] == 0.25
+
+
+def test_a_corner_turns_both_components_round():
+    x, v = bounce((0.01, 0.99), (-4.0, 8.0), 0.5)
+    assert x.tolist() == [0.0, 1.0]
+    assert v.tolist() == [2.0, -4.0]
+
+
+def test_a_particle_that_comes_back_by_itself_keeps_its_velocity():
+    x, v = bounce((-0.5, 0.5), (3.0, 0.0), 0.5)
+    assert x[0] == 0.0
+    assert v[0] == 3.0
+
+
+def test_an_infinite_side_is_open():
+    walls = Walls(box=(-math.inf, math.inf, 0.0, math.inf))
+    sim = simulation("box", x=[(0.0, 1.0)], v=[(-50.0, 70.0)], walls=walls)
+    dt = sim.controls.dt
+    sim.advance(5 * dt)
+    assert sim.x[0] == pytest.approx([-250 * dt, 1.0 + 350 * dt])
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_nothing_leaves_the_box(dtype):
+    box = (0.0, WIDTH, 0.0, WIDTH)
+    walls = Walls(box=box, restitution=0.5)
+    sim = simulation("everything", dtype=dtype, speed=20.0, walls=replace(walls, particles=TINY))
+    sides = np.array(box, dtype)
+    touched = np.zeros(4, bool)
+    for _ in range(40):
+        sim.advance(sim.controls.dt)
+        x = sim.x[: sim.n_fluid]
+        assert (sides[0] <= x[:, 0]).all()
+        assert (x[:, 0] <= sides[1]).all()
+        assert (sides[2] <= x[:, 1]).all()
+        assert (x[:, 1] <= sides[3]).all()
+        touched |= (x[:, [0, 0, 1, 1]] == sides).any(axis=0)
+    assert touched.all()
+
+
+TINY = np.array([(50.0, 50.0)])  # one boundary particle, far out of the way
+
+
+# --- Boundary particles ---------------------------------------------------------------------
+
+
+def test_boundary_particles_stay_where_they_are():
+    sim = simulation("everything")
+    walls = np.asarray(sim.scene.walls.particles)
+    sim.advance(10 * sim.controls.dt)
+    assert (sim.x[sim.n_fluid :] == walls).all()
+    assert not sim.v[sim.n_fluid :].any()
+    assert not sim.a[sim.n_fluid :].any()
+
+
+def test_boundary_particles_push_before_a_particle_arrives():
+    x = np.asarray(scene(cloud="lattice 3").x) - (0.0, 0.3 * DX)
+    sim = simulation("wall particles", "lattice 3", x=x, v=None)
+    lowest = x[:, 1] == x[:, 1].min()
+    assert fluid(sim, "a")[lowest, 1].min() > 9.81
+
+
+def test_a_lattice_in_step_with_its_tank_feels_nothing():
+    sim = simulation("wall particles", "lattice 3", v=None)
+    x = fluid(sim, "x")
+    reached = (x[:, 1] < WIDTH - 3.1 * DX) & (fluid(sim, "rho") > 0)
+    assert reached.sum() > 80
+    assert fluid(sim, "rho")[reached] == pytest.approx(1000.0, rel=1e-12)
+    below = x[:, 1] < WIDTH - 6.1 * DX
+    assert np.abs(fluid(sim, "a")[below]).max() < 1e-6
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_a_short_dam_break_does_not_leak(dtype):
+    dam = scenes.make("dam_break", dx=0.05)
+    box = dam.walls.box
+    leaky = replace(dam, walls=Walls(particles=dam.walls.particles))
+    sim = Simulation(leaky, dtype)
+    assert not sim.advance(0.6).diverged
+    x = fluid(sim, "x")
+    assert x[:, 0].max() > 2.0  # it has run along the floor
+    assert x[:, 0].min() > box[0] - 0.5 * dam.dx
+    assert x[:, 0].max() < box[1] + 0.5 * dam.dx
+    assert x[:, 1].min() > box[2] - 0.5 * dam.dx
+
+
+@pytest.mark.without_jit
+def test_lattice_is_centred_on_its_cells():
+    x = lattice(1.0, 1.0 + 3 * DX, -2.0, -2.0 + 2 * DX, DX)
+    assert len(x) == 6
+    assert x.min(axis=0) == pytest.approx([1.0 + DX / 2, -2.0 + DX / 2])
+    assert x.max(axis=0) == pytest.approx([1.0 + 2.5 * DX, -2.0 + 1.5 * DX])
+
+
+@pytest.mark.without_jit
+@pytest.mark.parametrize("layers", [1, 3])
+def test_tank_continues_the_lattice_of_what_it_holds(layers):
+    together = np.concatenate(
+        [lattice(0, WIDTH, 0, WIDTH, DX), tank_particles(WIDTH, WIDTH, DX, layers)]
+    )
+    n = 12 + 2 * layers
+    places = np.round(together / DX - 0.5).astype(int)
+    assert np.abs(together - (places + 0.5) * DX).max() < 1e-12
+    assert len(set(map(tuple, places))) == len(together) == n * (12 + layers)
+
+
+def test_the_box_of_the_cases_is_open_above():
+    assert BOX[3] == math.inf

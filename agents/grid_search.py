@@ -1,7 +1,6 @@
 """The best static setting in hindsight: a grid over Courant multiple, sound speed and xsph."""
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -88,7 +88,7 @@ def _read(path: Path) -> dict[str, Row]:
         return {}
     # a line that was torn by a kill has no code version at its end
     current = table[table["code"] == code_version()]
-    return {str(row["key"]): row for row in current.to_dict("records")}  # type: ignore[misc]
+    return {str(row["key"]): row for row in current.to_dict("records")}
 
 
 def _write(path: Path, rows: list[Row]) -> None:

@@ -24,7 +24,10 @@ def train(args: Args) -> None:
         model = PPO.load(newest_checkpoint(path), env=envs, device="cpu")
     else:
         settings = hyperparameters("ppo", args.scene)
-        policy = {"net_arch": settings.pop("net_arch"), "log_std_init": settings.pop("log_std_init")}
+        policy = {
+            "net_arch": settings.pop("net_arch"),
+            "log_std_init": settings.pop("log_std_init"),
+        }
         settings["learning_rate"] = linear(settings["learning_rate"])
         model = PPO(
             "MlpPolicy",

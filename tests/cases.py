@@ -15,6 +15,8 @@ C0 = 10.0
 STIFFNESS = 1000 * C0**2 / 7
 
 WATER = Fluid(c0=C0)
+# of the fastest flow that c0 is meant for: the least pressure that counts
+DYNAMIC_PRESSURE = WATER.rho0 * (C0 / 10) ** 2
 ALL_EFFECTS = Effects(
     gravity=(1.5, -9.81), xsph=True, artificial_viscosity=0.3, laminar_viscosity=0.02
 )

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ class Network:
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file that `load` reads."""
-        layers = {f"weight{k}": w for k, w in enumerate(self.weights)}
+        layers: dict[str, Any] = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
         np.savez_compressed(path, activation=self.activation, squash=self.squash, **layers)
 

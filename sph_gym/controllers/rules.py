@@ -60,7 +60,7 @@ class TunedCfl:
         c = max(self.mach * sim.max_speed, self.floor * scene.fluid.c0)
         nu = scene.effects.laminar_viscosity or 0.0
         alpha = scene.effects.artificial_viscosity or 0.0
-        # in the continuum, artificial viscosity is a nu of alpha c0 h / 8; short waves feel twice it
+        # the continuum's nu is alpha c0 h / 8, but the shortest waves feel twice as much
         nu += alpha * scene.fluid.c0 * h / 4
         dt = 1 / (c / (self.courant * h) + nu / (VISCOUS * h * h))
         return Controls(dt, scene.fluid.stiffness(c), sim.nominal_controls.xsph)

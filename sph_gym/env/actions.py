@@ -117,7 +117,11 @@ class Discrete:
         return np.int64(np.ravel_multi_index(tuple(moves), (3, 3, 3)))
 
 
-MODES = {"absolute": Absolute, "delta": Delta, "discrete": Discrete}
+MODES: dict[str, type[Absolute] | type[Delta] | type[Discrete]] = {
+    "absolute": Absolute,
+    "delta": Delta,
+    "discrete": Discrete,
+}
 
 
 def make(mode: str) -> Absolute | Delta | Discrete:

@@ -116,7 +116,9 @@ class Features:
 
     def space(self) -> spaces.Box:
         """Box((20,), float32)."""
-        low, high = (np.array([getattr(f, b) for f in FEATURES], np.float32) for b in ("low", "high"))
+        low, high = (
+            np.array([getattr(f, b) for f in FEATURES], np.float32) for b in ("low", "high")
+        )
         return spaces.Box(low, high, dtype=np.float32)
 
     def look(self, sim: Simulation) -> dict[str, float]:

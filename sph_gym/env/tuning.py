@@ -68,7 +68,7 @@ class TuningEnv(gym.Env[NDArray[np.float32], Any]):
         self.action_type = actions.make(action_mode)
         self.observation_type = OBSERVATIONS[known("observation", observation, OBSERVATIONS)]()
         self.action_space = self.action_type.space()
-        self.observation_space = self.observation_type.space()
+        self.observation_space: Any = self.observation_type.space()
         self.reward_weights = rewards.check_weights(reward_weights)
         self.render_mode = render_mode
         self.sim: Simulation
@@ -121,9 +121,7 @@ class TuningEnv(gym.Env[NDArray[np.float32], Any]):
             self.render()
         return self._observe(), dict(self._info)
 
-    def step(
-        self, action: Any
-    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """One frame of physical time with the controls that the action asks for."""
         if self._over:
             raise ResetNeeded("the episode is over (or has not begun): call reset() first")
@@ -181,8 +179,8 @@ class TuningEnv(gym.Env[NDArray[np.float32], Any]):
             **{f"reward_{term}": value for term, value in terms.items()},
         }
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """The present state as (height, width, 3) uint8, or in the window of render_mode "human"."""
+    def render(self) -> NDArray[np.uint8] | None:
+        """The present state as (height, width, 3) uint8, or shown in the window of "human"."""
         if self._over and not hasattr(self, "sim"):
             raise ResetNeeded("there is nothing to render before the first reset()")
         lines = (

@@ -1,4 +1,4 @@
-"""Scenes by name: one short file each, with the geometry, the fluid and the effects it calls for."""
+"""Scenes by name, one short file each: geometry, fluid, and the effects that it calls for."""
 
 import inspect
 from collections.abc import Callable

@@ -1,6 +1,7 @@
 """A column of water collapses and runs along the floor: Martin & Moyce 1952, without the gate."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +22,9 @@ def dam_break(
 ) -> Scene:
     """Column at the left wall of a tank `tank` column widths long.
 
-    width, height: of the column [m], rounded to multiples of dx; gravity: downwards [m/s^2]. Lasts until the front could
-    have crossed the tank: 4 sqrt(width / g) + 1.5 tank width / (2 sqrt(g height)).
+    width, height: of the column [m], rounded to multiples of dx; gravity: downwards [m/s^2].
+    Lasts for 4 sqrt(width / g) of collapse and until the front could have crossed the tank and
+    come half the way back.
     """
     dx, width = positive("dx", dx), in_range("width", width, 3 * dx)
     height, gravity = in_range("height", height, 3 * dx), positive("gravity", gravity)
@@ -50,14 +52,24 @@ def front(sim: Simulation) -> float:
 
 
 def front_history(
-    sim: Simulation, width: float, gravity: float = 9.81, last: float = 3.4
+    sim: Simulation,
+    width: float,
+    gravity: float = 9.81,
+    last: float = 3.4,
+    look: Callable[[Simulation], None] | None = None,
 ) -> NDArray[np.float64]:
-    """Runs the simulation to T = `last`. Returns (n, 2): T = t sqrt(2 g / width), front / width."""
+    """Run to T = `last`. Returns (n, 2): T = t sqrt(2 g / width), front / width.
+
+    look: called after each of the about fifty legs per unit of T.
+    Raises RuntimeError if the simulation blows up.
+    """
     unit = math.sqrt(width / (2 * gravity))
     history = [(0.0, front(sim) / width)]
     while sim.time < last * unit:
         if sim.advance(0.02 * unit).diverged:
             raise RuntimeError(f"the dam break blew up at t = {sim.time:g} s")
+        if look is not None:
+            look(sim)
         history.append((sim.time / unit, front(sim) / width))
     return np.array(history)
 

@@ -31,8 +31,9 @@ def drop_impact(
     if diameter > width - 6 * dx:
         raise ValueError(f"diameter: expected at most width - 6 dx, got {diameter:g} m")
     centre = np.array([width / 2, pool_depth + drop_height + diameter / 2])
-    square = centre + lattice(*(np.array([-1, 1, -1, 1]) * diameter / 2), dx)
-    drop = square[np.hypot(*(square - centre).T) <= diameter / 2]
+    radius = diameter / 2
+    square = centre + lattice(-radius, radius, -radius, radius, dx)
+    drop = square[np.hypot(*(square - centre).T) <= radius]
     # the centre of the drop falls to the floor
     v_max = math.sqrt(2 * gravity * centre[1])
     fall = math.sqrt(2 * drop_height / gravity)

@@ -19,9 +19,9 @@ def hydrostatic_tank(
 ) -> Scene:
     """A tank filled to `depth`, with gravity raised from zero over `ramp` seconds.
 
-    width, depth: [m], rounded to multiples of dx; gravity: downwards [m/s^2]. A matched kernel, since the article's pair
-    heats a fluid at rest under pressure (it isn't the derivative of one energy), and enough
-    artificial viscosity to calm what the ramp stirs up.
+    width, depth: [m], rounded to multiples of dx; gravity: downwards [m/s^2]. A matched kernel,
+    since the article's pair heats a fluid at rest under pressure (it isn't the derivative of one
+    energy), and enough artificial viscosity to calm what the ramp stirs up.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
     width, depth = in_range("width", width, 3 * dx), in_range("depth", depth, 3 * dx)

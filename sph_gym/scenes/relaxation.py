@@ -19,7 +19,7 @@ def relaxation(
     drives the blob apart for ever, and artificial viscosity acts only on pairs that approach.
     """
     dx, diameter = positive("dx", dx), positive("diameter", diameter)
-    square = lattice(*(np.array([-1, 1, -1, 1]) * diameter / 2), dx)
+    square = lattice(-diameter / 2, diameter / 2, -diameter / 2, diameter / 2, dx)
     x = square[np.hypot(*square.T) <= diameter / 2]
     if len(x) == 0:
         raise ValueError(f"diameter: expected at least dx = {dx:g} m, got {diameter:g}")

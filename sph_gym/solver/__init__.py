@@ -1,0 +1,1 @@
+"""The solver: knows nothing of Gymnasium, files or pictures."""

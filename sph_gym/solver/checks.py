@@ -44,8 +44,7 @@ def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.fl
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected numbers of shape {wanted}, got {value!r}") from None
     fits = array.ndim == len(shape) and all(
-        isinstance(want, str) or have == want
-        for have, want in zip(array.shape, shape, strict=True)
+        isinstance(want, str) or have == want for have, want in zip(array.shape, shape, strict=True)
     )
     if not fits:
         raise ValueError(f"{name}: expected shape {wanted}, got {array.shape}")

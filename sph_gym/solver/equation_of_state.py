@@ -37,7 +37,7 @@ def pressure(eos: Any, rho: Any) -> Any:
     """Pressure [Pa] at density rho [kg/m^3]."""
 
 
-@pressure.member(Tait7)  # type: ignore[attr-defined]
+@pressure.member(Tait7)
 def _tait7(eos, rho):
     # (1 + d)^7 - 1 by Horner's rule in the deviation d: q^7 - 1 loses all digits in float32
     d = rho * eos.inv_rho0 - like(rho, 1.0)
@@ -50,7 +50,7 @@ def _tait7(eos, rho):
     return maximum(eos.stiffness * (d * s), eos.floor)
 
 
-@pressure.member(Tait)  # type: ignore[attr-defined]
+@pressure.member(Tait)
 def _tait(eos, rho):
     q = rho * eos.inv_rho0
     return maximum(eos.stiffness * (q**eos.gamma - like(rho, 1.0)), eos.floor)

@@ -147,9 +147,7 @@ def add_forces(target, sources, start, grid, kernel, constants, effects, sums):
 @jit
 def force_sums(i, fluid, start, walls, wall_start, grid, model):
     """The sums of fluid particle i over fluid and walls."""
-    target = Target(
-        fluid.x[i], fluid.y[i], fluid.u[i], fluid.v[i], fluid.rho[i], fluid.stress[i]
-    )
+    target = Target(fluid.x[i], fluid.y[i], fluid.u[i], fluid.v[i], fluid.rho[i], fluid.stress[i])
     zero = like(target.x, 0.0)
     sums = Sums(zero, zero, zero, zero)
     kernel, constants = model.kernel, model.constants

@@ -6,17 +6,16 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar, cast
 
 import numba
-from numba.core import config, types
 from numba.extending import overload
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Everything in "fast" but nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708).
 FASTMATH = {"reassoc", "contract", "arcp", "afn", "nsz"}
-OPTIONS = {"error_model": "numpy", "nogil": True, "fastmath": FASTMATH}
+OPTIONS: Any = {"error_model": "numpy", "nogil": True, "fastmath": FASTMATH}
 
 
 def cache_home() -> Path:
@@ -46,6 +45,7 @@ def jit(function: Function) -> Function:
     helper would go on running as it was (numba #1833). A folder named by the hash of all sources
     makes that impossible. Where no folder can be written, compilation works without a cache.
     """
+    config: Any = numba.config
     if config.DISABLE_JIT:
         return function
     previous = config.CACHE_DIR
@@ -58,21 +58,29 @@ def jit(function: Function) -> Function:
         config.CACHE_DIR = previous
 
 
-def dispatch(function: Function) -> Function:
+class Family(Protocol):
+    """A function whose implementation depends on the class of its first argument."""
+
+    def __call__(self, first: Any, /, *rest: Any) -> Any:
+        """Call the member for `type(first)`."""
+
+    def member(self, kind: type) -> Callable[[Function], Function]:
+        """Decorator that adds the implementation for one class."""
+
+
+def dispatch(function: Callable[..., Any]) -> Family:
     """Make `function` a family whose member is chosen by the class of its first argument.
 
     The choice is made at compile time, so a family costs nothing in a loop. Members are added
     with `@family.member(SomeNamedTuple)` and take the same positional arguments.
     """
-    members: dict[type, Callable[..., Any]] = {}
+    members: dict[Any, Callable[..., Any]] = {}
 
     def family(first: Any, *rest: Any) -> Any:
         return members[type(first)](first, *rest)
 
     def choose(first: Any, *rest: Any) -> Callable[..., Any] | None:
-        if isinstance(first, types.BaseNamedTuple):
-            return members.get(first.instance_class)
-        return None
+        return members.get(getattr(first, "instance_class", None))
 
     def member(kind: type) -> Callable[[Function], Function]:
         def register(implementation: Function) -> Function:
@@ -84,4 +92,4 @@ def dispatch(function: Function) -> Function:
     family.__name__, family.__doc__ = function.__name__, function.__doc__
     family.member = member  # type: ignore[attr-defined]
     overload(family, strict=False, jit_options=OPTIONS)(choose)
-    return family  # type: ignore[return-value]
+    return cast(Family, family)

@@ -12,6 +12,7 @@ Shapes are meant for r < h; the pair loops mask what lies beyond.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,36 +63,36 @@ def viscosity(kernel: Any, r2: Any, r: Any) -> Any:
     """Shape of the weight w in  laplacian(f)_i = sum_j V_j (f_j - f_i) w_ij."""
 
 
-@weight.member(Mueller)  # type: ignore[attr-defined]
+@weight.member(Mueller)
 def _poly6(kernel, r2, r):
     t = kernel.h2 - r2
     return t * t * t
 
 
-@gradient.member(Mueller)  # type: ignore[attr-defined]
+@gradient.member(Mueller)
 def _spiky(kernel, r2, r, inv_r):
     # (h - r)^2 / r without a subtraction of r, which a lane would need a second root for
     return (kernel.h2 + r2) * inv_r - kernel.two_h
 
 
-@viscosity.member(Mueller)  # type: ignore[attr-defined]
+@viscosity.member(Mueller)
 def _mueller_viscosity(kernel, r2, r):
     return kernel.h - r
 
 
-@weight.member(WendlandC2)  # type: ignore[attr-defined]
+@weight.member(WendlandC2)
 def _wendland(kernel, r2, r):
     t = kernel.h - r
     return t * t * (t * t) * (kernel.quarter_h + r)
 
 
-@gradient.member(WendlandC2)  # type: ignore[attr-defined]
+@gradient.member(WendlandC2)
 def _wendland_gradient(kernel, r2, r, inv_r):
     t = kernel.h - r
     return t * t * t
 
 
-@viscosity.member(WendlandC2)  # type: ignore[attr-defined]
+@viscosity.member(WendlandC2)
 def _wendland_viscosity(kernel, r2, r):
     t = kernel.h - r
     return t * t * t
@@ -109,7 +110,7 @@ def make_wendland_c2(h: float, dtype: type = np.float64) -> WendlandC2:
     return WendlandC2(*(dtype(value) for value in (h, h / 4, *scales)))
 
 
-KERNELS = {"mueller": make_mueller, "wendland_c2": make_wendland_c2}
+KERNELS: dict[str, Callable[..., Any]] = {"mueller": make_mueller, "wendland_c2": make_wendland_c2}
 
 
 def density_kernel(kernel: Any, r: np.ndarray) -> np.ndarray:
@@ -126,5 +127,3 @@ def calibrated_mass(kernel: Any, rho0: float, dx: float) -> float:
     """
     reach = np.arange(-math.ceil(kernel.h / dx), math.ceil(kernel.h / dx) + 1) * dx
     return float(rho0 / density_kernel(kernel, np.hypot(*np.meshgrid(reach, reach))).sum())
-
-

@@ -127,7 +127,9 @@ def make_grid(fluid: Particles, walls: WallParticles | None, h: float) -> Grid:
 
 def _side(fluid: Floats, walls: Floats | None, size: float, quantile: float) -> tuple[float, float]:
     """Where the cells begin [m], on a multiple of their size, and how many there are."""
-    bounds = np.quantile(fluid, (quantile, 1 - quantile)) if quantile else (fluid.min(), fluid.max())
+    bounds = (
+        np.quantile(fluid, (quantile, 1 - quantile)) if quantile else (fluid.min(), fluid.max())
+    )
     low, high = float(bounds[0]), float(bounds[1])
     if walls is not None:
         low, high = min(low, float(walls.min())), max(high, float(walls.max()))

@@ -22,6 +22,7 @@ from sph_gym.solver.neighbors import make_grid, scratch, sort_into_cells
 from sph_gym.solver.scene import Gravity, Scene, check_controls
 from sph_gym.solver.state import (
     Controls,
+    Indices,
     Particles,
     WallParticles,
     allocate_particles,
@@ -29,7 +30,7 @@ from sph_gym.solver.state import (
 )
 from sph_gym.solver.walls import Box
 
-DTYPES = {"float64": np.float64, "float32": np.float32}
+DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
 # Work of one compiled call [particle-steps]: short enough for Ctrl-C, long enough to cost nothing.
 CHUNK = 2_000_000
@@ -75,7 +76,7 @@ class Simulation:
         self.dtype = known("dtype", dtype, DTYPES)
         self.neighbors = known("neighbors", neighbors, NEIGHBORS)
         self._float = DTYPES[self.dtype]
-        self._kernel = KERNELS[scene.fluid.kernel](scene.h, self._float)
+        self._kernel: Any = KERNELS[scene.fluid.kernel](scene.h, self._float)
         self.mass = calibrated_mass(
             KERNELS[scene.fluid.kernel](scene.h), scene.fluid.rho0, scene.dx
         )
@@ -97,6 +98,7 @@ class Simulation:
         self._ax, self._ay = np.zeros_like(self._fluid.x), np.zeros_like(self._fluid.x)
         self._controls = self._initial_controls()
         self._model = self._make_model()
+        self.last_report = Report(0, self._controls.dt)
         self._evaluate_density()
         self._totals = self._sum()
         self._ledger = diagnostics.Ledger(self._totals, *self._energy_scales())
@@ -105,7 +107,9 @@ class Simulation:
     # --- what it is made of -----------------------------------------------------------------
 
     def _make_walls(self) -> None:
-        self._walls = self._wall_source = self._wall_start = None
+        self._walls: WallParticles | None = None
+        self._wall_source: WallParticles | None = None
+        self._wall_start: Indices | None = None
         self._grid: Any = ()
         walls = self.scene.walls
         if walls is not None and walls.particles is not None:
@@ -128,7 +132,7 @@ class Simulation:
             return
         self._grid = grid
         self._start, self._cells = scratch(grid, self._fluid.x.size)
-        if self._walls is not None:
+        if self._walls is not None and self._wall_source is not None:
             # always from the same order, so that a restored run sums in the order of the first
             self._wall_start, cells = scratch(grid, self._walls.x.size)
             sort_into_cells(grid, self._wall_source, self._walls, self._wall_start, cells)
@@ -145,9 +149,7 @@ class Simulation:
             ratio = float(kernel.viscosity_scale) / float(kernel.gradient_scale)
             laminar = LaminarViscosity(number(2 * named.laminar_viscosity * ratio))
         if named.xsph:
-            xsph = Xsph(
-                number(2 * self._controls.xsph * self.mass * float(kernel.weight_scale))
-            )
+            xsph = Xsph(number(2 * self._controls.xsph * self.mass * float(kernel.weight_scale)))
         if isinstance(named.gravity, Gravity):
             ramp = named.gravity.ramp
             gravity = UniformGravity(
@@ -219,9 +221,14 @@ class Simulation:
         """Run for `seconds` of physical time with the present controls.
 
         dt is snapped down so that a whole number of substeps fits. After a failure the state is
-        the last finite one. Ctrl-C stops between two substeps and leaves a state to go on from.
-        Raises ValueError if `seconds` isn't positive or would take more than 10^12 substeps.
+        the last finite one; the report is also kept as `last_report`. Ctrl-C stops between two
+        substeps and leaves a state to go on from. Raises ValueError if `seconds` isn't positive
+        or would take more than 10^12 substeps.
         """
+        self.last_report = self._advance(seconds)
+        return self.last_report
+
+    def _advance(self, seconds: float) -> Report:
         positive("seconds", seconds)
         ratio = seconds / self._controls.dt - 1e-9
         if not ratio < MAX_SUBSTEPS:

@@ -1,6 +1,6 @@
 """What the solver holds: particles as a struct of arrays, the fluid, the controls."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,10 +53,11 @@ class Controls(NamedTuple):
 def allocate_particles(x: Floats, v: Floats, dtype: type) -> Particles:
     """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given."""
     n = len(x)
-    columns = [np.ascontiguousarray(a, dtype=dtype) for a in (x[:, 0], x[:, 1], v[:, 0], v[:, 1])]
-    return Particles(*columns, np.ones(n, dtype), np.zeros(n, dtype), np.arange(n, dtype=np.int32))
+    columns: list[Any] = [np.ascontiguousarray(a, dtype) for a in (*x.T, *v.T)]
+    ids = np.arange(n, dtype=np.int32)
+    return Particles(*columns, np.ones(n, dtype), np.zeros(n, dtype), ids)
 
 
 def empty_like(particles: Particles) -> Particles:
     """A second set of arrays of the same shapes and types."""
-    return Particles(*(np.empty_like(array) for array in particles))
+    return particles._replace(**{k: np.empty_like(a) for k, a in particles._asdict().items()})

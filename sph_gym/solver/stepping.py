@@ -96,9 +96,7 @@ def kick_and_drift(source, target, start, walls, wall_start, grid, model, time, 
 
 
 @jit
-def advance(
-    fluid, spare, start, cells, walls, wall_start, grid, model, time, dt, n_substeps
-):
+def advance(fluid, spare, start, cells, walls, wall_start, grid, model, time, dt, n_substeps):
     """n_substeps steps of the whole chain: neighbours, density, pressure, force, integration.
 
     `fluid` holds the state before and after; `spare` is the same state sorted into cells. When a

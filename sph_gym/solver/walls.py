@@ -105,8 +105,6 @@ def tank_particles(width: float, height: float, dx: float, layers: int = 3) -> F
     least `height` high. Returns (n, 2) [m].
     """
     nx, ny = max(round(width / dx), 1), math.ceil(height / dx - 1e-9)
-    i, j = (
-        a.ravel() for a in np.meshgrid(np.arange(-layers, nx + layers), np.arange(-layers, ny))
-    )
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(-layers, nx + layers), np.arange(-layers, ny)))
     outside = (i < 0) | (i >= nx) | (j < 0)
     return (np.stack([i[outside], j[outside]], axis=-1) + 0.5) * dx

@@ -161,7 +161,7 @@ class Painter:
             self._muted.draw(self._surface, text, right, y)
             length = arrow_length(self.layout, self.scene.dx, sim.n_fluid)
             right -= round(length + 0.5 * em)
-            start = np.array([[right, y + 0.65 * em]])
+            start = np.array([[right, y + 0.55 * em]])
             draw_arrows(self._surface, start, np.array([[length, 0.0]]), length)
         title = title or self.scene.name.replace("_", " ").capitalize()
         self._title.draw(self._surface, self._title.fitted(title, right - left - em), left, y)

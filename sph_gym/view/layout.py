@@ -1,6 +1,7 @@
 """Where things go: which part of space is seen, and where on the picture; no drawing here."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,31 +109,42 @@ def arrange(scene: Scene, size: int | tuple[int, int], n_lines: int) -> Layout:
     em = max(9, round(5 + width / 90))
     room = width - 2 * em
     bar_width = min(max(round(0.36 * width), 9 * em), 22 * em)
-    n_rows = max(3, control_rows(room - bar_width - 2 * em, em) + n_lines)
-    header, footer = round(2.4 * em), round((0.6 + LINE * n_rows + 0.5) * em)
+    text_width = room - bar_width - 2 * em
+    first = control_rows(text_width, em)
+    n_rows = max(3, first + n_lines)
+    header, footer = round(2.4 * em), round((1.1 + LINE * n_rows) * em)
     bounds = view_bounds(scene)
-    if height is None:
-        ratio = bounds.height / bounds.width
-        domain = room * min(max(ratio, FLATTEST), TALLEST)
-        height = even(round(header + max(domain, MIN_DOMAIN) + footer))
-    domain_area = Area(em, header, room, height - header - footer)
-    if domain_area.height < MIN_DOMAIN:
-        raise ValueError(
-            f"size: expected a height of at least {MIN_DOMAIN + header + footer} pixels for "
-            f"{n_lines} extra lines of text, got {height}"
-        )
-    scale = min(room / bounds.width, domain_area.height / bounds.height)
-    below = header + domain_area.height + round(0.6 * em)
+    height = total_height(height, header + footer, room * bounds.height / bounds.width, room)
+    domain = Area(em, header, room, height - header - footer)
+    scale = min(room / bounds.width, domain.height / bounds.height)
+    below = header + domain.height + round(0.6 * em)
     return Layout(
         (width, height),
         em,
-        domain_area,
-        Area(em, below, room - bar_width - 2 * em, height - below),
+        domain,
+        Area(em, below, text_width, height - below),
         Area(width - em - bar_width, below, bar_width, height - below),
-        widened(bounds, room / scale, domain_area.height / scale, scene.walls is not None),
+        widened(bounds, room / scale, domain.height / scale, scene.walls is not None),
         scale,
-        n_rows - control_rows(room - bar_width - 2 * em, em),
+        n_rows - first,
     )
+
+
+def total_height(wanted: int | None, text: int, domain: float, width: int) -> int:
+    """Height of a picture [pixels]: `wanted`, or what text and domain take, within limits.
+
+    domain: the height at which the domain fills the width. Raises ValueError if the text leaves
+    no room.
+    """
+    if wanted is None:
+        inner = min(max(domain, FLATTEST * width, MIN_DOMAIN), TALLEST * width)
+        return even(round(text + inner))
+    if wanted < text + MIN_DOMAIN:
+        raise ValueError(
+            f"size: expected a height of at least {text + MIN_DOMAIN} pixels for this width and "
+            f"the lines of text, got {wanted}"
+        )
+    return wanted
 
 
 def control_rows(room: float, em: int) -> int:
@@ -142,7 +154,7 @@ def control_rows(room: float, em: int) -> int:
 
 def requested(size: int | tuple[int, int]) -> tuple[int, int | None]:
     """Even width and, if it is given, even height; ValueError for anything that isn't a size."""
-    sides = (size,) if isinstance(size, (int, np.integer)) else tuple(size)
+    sides = tuple(size) if isinstance(size, Sequence) else (size,)
     whole = all(isinstance(side, (int, np.integer)) for side in sides)
     if not whole or len(sides) not in (1, 2) or sides[0] < MIN_WIDTH or min(sides) < 1:
         raise ValueError(

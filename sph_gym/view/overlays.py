@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sph_gym.solver.scene import Gravity, Scene
 from sph_gym.solver.simulation import Simulation
-from sph_gym.view.colors import ARROW, EDGE, RULE, Quantity, ticks
+from sph_gym.view.colors import ARROW, EDGE, Quantity, ticks, velocity_scale
 from sph_gym.view.layout import FIELD, LINE, Layout, control_rows
 from sph_gym.view.toolkit import Lettering, load, sprite
 
@@ -63,18 +63,19 @@ def draw_box(surface: "Surface", layout: Layout, scene: Scene) -> None:
 def arrow_unit(scene: Scene, a: NDArray[Any]) -> float:
     """The acceleration [m/s^2] of an arrow of unit length: round, above most of the fluid's.
 
-    It is never below gravity, so that arrows vanish in a fluid at rest.
+    It is never below gravity, nor below what takes a thousand particle spacings to bring the
+    fluid to its speed: arrows vanish in a fluid at rest, instead of showing round-off.
     """
     size = np.hypot(*a.T)
     size = size[np.isfinite(size)]
     typical = float(np.quantile(size, 0.9)) if size.size else 0.0
+    typical = max(typical, velocity_scale(scene) ** 2 / (1000 * scene.dx))
     gravity = scene.effects.gravity
     if isinstance(gravity, Gravity):
         typical = max(typical, math.hypot(gravity.x, gravity.y))
-    if typical == 0.0:
-        return 1.0
     power = 10.0 ** math.floor(math.log10(typical))
-    return next(power * step for step in (1, 2, 5, 10, 20) if power * step >= typical)
+    # a little leeway, or round-off would lift a round number to the next
+    return next(power * step for step in (1, 2, 5, 10) if power * step >= 0.999 * typical)
 
 
 def arrow_length(layout: Layout, dx: float, n: int) -> float:
@@ -101,7 +102,7 @@ def draw_arrows(
         start, along, length = start[shown], along[shown], length[shown]
     ahead = along / length[:, None]
     length = np.minimum(length, longest)[:, None]
-    head = np.clip(0.4 * length, 3.0, 7.0)
+    head = np.clip(0.4 * length, 2.0, 6.0)
     side = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1) * head * 0.42
     tip, neck = start + ahead * length, start + ahead * (length - head)
     pygame = load()

@@ -33,7 +33,8 @@ class Discs:
         self._phases = PHASES if diameter < LARGE else 1
         self._half = math.ceil(diameter / 2 + 0.5)
         self._alpha, self._shade = self._masks()
-        self._strips: dict[int, list[Surface]] = {}
+        self._sprites = np.empty((len(self._palette), self._phases**2), object)
+        self._drawn = np.zeros(len(self._palette), bool)
 
     def _masks(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Coverage and brightness of all phases side by side, both (phases^2 side, side)."""
@@ -58,19 +59,21 @@ class Discs:
             inside = ((at > -self._half) & (at < size + self._half)).all(axis=1)
         steps = np.floor(at[inside] * self._phases + 0.5).astype(np.int64)
         pixel, phase = np.divmod(steps, self._phases)
-        variant = (phase[:, 1] * self._phases + phase[:, 0]).tolist()
-        corners = (pixel - self._half).tolist()
-        strips = [self._strip(i) for i in index[inside].tolist()]
-        surface.fblits(
-            [(s[k], corner) for s, k, corner in zip(strips, variant, corners, strict=True)]
-        )
+        variant = phase[:, 1] * self._phases + phase[:, 0]
+        chosen = index[inside]
+        self._prepare(chosen)
+        sprites = self._sprites[chosen, variant].tolist()
+        surface.fblits(list(zip(sprites, (pixel - self._half).tolist(), strict=True)))
 
-    def _strip(self, index: int) -> "list[Surface]":
-        if index not in self._strips:
-            self._strips[index] = self._make_strip(index)
-        return self._strips[index]
+    def _prepare(self, chosen: NDArray[Any]) -> None:
+        """Draw the discs of the colours that weren't wanted before."""
+        wanted = np.unique(chosen)
+        for index in wanted[~self._drawn[wanted]].tolist():
+            self._sprites[index] = self._make_sprites(index)
+            self._drawn[index] = True
 
-    def _make_strip(self, index: int) -> "list[Surface]":
+    def _make_sprites(self, index: int) -> "list[Surface]":
+        """One disc for each phase, cut out of one surface."""
         pygame = load()
         whole = sprite(self._shade[:, :, None] * self._palette[index], 255 * self._alpha)
         side = self._alpha.shape[1]

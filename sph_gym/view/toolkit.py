@@ -55,6 +55,7 @@ def _glyph(char: str, em: int, bold: bool) -> tuple[NDArray[np.float32], float]:
         # idempotent, needs no display; the font is not kept, since others may quit the module
         pygame.font.init()
         font = pygame.font.Font(None, round(em * OVERSAMPLED / FONT_SCALE))
+        char = char if char.isprintable() else " "
         drawn = font.render(char, True, (255, 255, 255))
         advance = font.size(char)[0] / OVERSAMPLED
     mask = pygame.surfarray.array_alpha(drawn).astype(np.float32)

@@ -126,10 +126,14 @@ def _write_mp4(path: Path, frames: Iterator[Picture], fps: float) -> None:
     # a block of two is what yuv420p asks for; quality 8 of 10 keeps small discs crisp
     options: dict[str, Any] = {"codec": "libx264", "quality": 8, "macro_block_size": 2}
     first = next(frames)
-    with imageio.get_writer(path, format="FFMPEG", mode="I", fps=fps, **options) as writer:
+    writer: Any = imageio.get_writer(path, format="FFMPEG", mode="I", fps=fps, **options)
+    try:
         writer.append_data(first)
         for frame in frames:
             writer.append_data(frame)
+    finally:
+        # its context manager would leave the encoder running after an error
+        writer.close()
 
 
 def _write_gif(path: Path, frames: Iterator[Picture], fps: float) -> None:

@@ -16,20 +16,13 @@ if TYPE_CHECKING:
     from pygame.event import Event
 
 HELP = (
-    "space",
-    "pause",
-    "S",
-    "step",
-    "C",
-    "colour",
-    "N",
-    "neighbours",
-    "F",
-    "forces",
-    "P",
-    "picture",
-    "Q",
-    "quit",
+    ("space", "pause"),
+    ("S", "step"),
+    ("C", "colour"),
+    ("N", "neighbours"),
+    ("F", "forces"),
+    ("P", "picture"),
+    ("Q", "quit"),
 )
 # How long a paused window sleeps at most [ms], so that Ctrl-C in the terminal is heard.
 NAP = 200
@@ -46,8 +39,9 @@ class Window:
     quantity for the colours, N colours by neighbours and back, F draws the forces, P saves the
     picture as PNG, Esc or Q closes.
 
-    The library has one display a process: a new window closes the one before. Raises ValueError
-    as `Painter` does, and RuntimeError where there is no screen.
+    pygame has one display a process: a new window closes the one before. Raises ValueError as
+    `Painter` does, and RuntimeError if the video driver that SDL_VIDEODRIVER names has no screen
+    (without that variable and without a screen, SDL draws where nobody sees it).
     """
 
     _latest: "weakref.ref[Window] | None" = None
@@ -69,12 +63,14 @@ class Window:
         self._one_step = False
         self._notice = ""
         self._closed = False
+        self._shown: tuple[Simulation, tuple[str, ...], str]
         self._painter = Painter(scene, size, color, arrows, n_lines)
         self._color_before = color
         before = Window._latest() if Window._latest is not None else None
         if before is not None:
             before.close()
         self._open()
+        load().display.set_caption(scene.name)
         Window._latest = weakref.ref(self)
         self._clock = load().time.Clock()
         self._actions = self._make_actions()
@@ -95,11 +91,13 @@ class Window:
         if sim.scene is not self._painter.scene:
             self._follow(sim.scene)
         self._one_step = False
-        self._redraw(sim, lines, title)
-        for event in load().event.get():
-            self._react(event, sim, lines, title)
+        self._shown = sim, tuple(lines), title
+        self._redraw()
+        # one by one: every S that was pressed is a step of its own
+        while not self._one_step and (event := self._next_event()):
+            self._react(event)
         while self.paused and not self._one_step and not self.closed:
-            self._react(load().event.wait(NAP), sim, lines, title)
+            self._react(load().event.wait(NAP))
         if not self.closed:
             self._clock.tick(self._fps or min(1.0 / sim.scene.frame, FASTEST))
 
@@ -125,7 +123,6 @@ class Window:
                 f"no screen to open a window on ({error}); Painter and render_mode='rgb_array' "
                 "need none"
             ) from None
-        pygame.display.set_caption(self._painter.scene.name)
 
     @property
     def _strip(self) -> int:
@@ -139,8 +136,9 @@ class Window:
             self._open()
         load().display.set_caption(scene.name)
 
-    def _redraw(self, sim: Simulation, lines: Sequence[str], title: str) -> None:
+    def _redraw(self) -> None:
         pygame = load()
+        sim, lines, title = self._shown
         screen = pygame.display.get_surface()
         if screen is None:
             return
@@ -155,9 +153,8 @@ class Window:
         if self._notice:
             self._letters.draw(screen, self._letters.fitted(self._notice, width - 2 * em), x, y)
             return
-        for key, meaning in zip(HELP[::2], HELP[1::2], strict=True):
-            if self.paused and meaning == "pause":
-                meaning = "run"
+        for key, meaning in HELP:
+            meaning = "run" if self.paused and meaning == "pause" else meaning
             if x + self._keys.width(key) + self._letters.width(meaning) + 2 * em > width:
                 break
             x = self._keys.draw(screen, key, x, y) + 0.4 * em
@@ -165,7 +162,7 @@ class Window:
 
     # --- the keys ---------------------------------------------------------------------------
 
-    def _make_actions(self) -> dict[int, Callable[[Simulation], None]]:
+    def _make_actions(self) -> dict[int, Callable[[], None]]:
         pygame = load()
         return {
             pygame.K_SPACE: self._toggle_pause,
@@ -175,57 +172,61 @@ class Window:
             pygame.K_n: self._toggle_neighbors,
             pygame.K_f: self._toggle_arrows,
             pygame.K_p: self._save,
-            pygame.K_ESCAPE: self._quit,
-            pygame.K_q: self._quit,
+            pygame.K_ESCAPE: self.close,
+            pygame.K_q: self.close,
         }
 
-    def _react(self, event: "Event", sim: Simulation, lines: Sequence[str], title: str) -> None:
+    def _next_event(self) -> "Event | None":
         pygame = load()
+        event = pygame.event.poll() if not self.closed else None
+        return None if event is None or event.type == pygame.NOEVENT else event
+
+    def _react(self, event: "Event") -> None:
+        pygame = load()
+        if self.closed:
+            return
         if event.type == pygame.QUIT:
             self.close()
         elif event.type == pygame.KEYDOWN and event.key in self._actions:
             self._notice = ""
-            self._actions[event.key](sim)
+            self._actions[event.key]()
         elif event.type != pygame.WINDOWEXPOSED:
             return
         if not self.closed:
-            self._redraw(sim, lines, title)
+            self._redraw()
 
-    def _toggle_pause(self, _: Simulation) -> None:
+    def _toggle_pause(self) -> None:
         self.paused = not self.paused
 
-    def _step(self, _: Simulation) -> None:
+    def _step(self) -> None:
         # a single step of what runs means: stop after it
         self.paused = self._one_step = True
 
-    def _next_color(self, _: Simulation) -> None:
+    def _next_color(self) -> None:
         names = list(colors.QUANTITIES)
         after = names.index(self._painter.color) + 1
         self._painter.color = names[after % len(names)]
 
-    def _toggle_neighbors(self, _: Simulation) -> None:
+    def _toggle_neighbors(self) -> None:
         present = self._painter.color
         self._painter.color = self._color_before if present == "neighbors" else "neighbors"
         self._color_before = "speed" if present == "neighbors" else present
 
-    def _toggle_arrows(self, _: Simulation) -> None:
+    def _toggle_arrows(self) -> None:
         self._painter.arrows = not self._painter.arrows
 
-    def _quit(self, _: Simulation) -> None:
-        self.close()
-
-    def _save(self, sim: Simulation) -> None:
+    def _save(self) -> None:
         """Save the picture under the scene's name and time; a failure must not end the run."""
         pygame = load()
-        stem = f"{sim.scene.name}_{sim.time:.3f}s"
+        sim, lines, title = self._shown
+        stem, number = f"{sim.scene.name}_{sim.time:.3f}s", 2
         path = self._pictures / f"{stem}.png"
-        number = 2
         while path.exists():
             path = self._pictures / f"{stem}-{number}.png"
             number += 1
         try:
             self._pictures.mkdir(parents=True, exist_ok=True)
-            pygame.image.save(self._painter.draw(sim), str(path))
+            pygame.image.save(self._painter.draw(sim, title, lines), str(path))
         except (OSError, pygame.error) as error:
             self._notice = f"not saved: {error}"
         else:

@@ -11,6 +11,7 @@ from tests.cases import (
     CLOUDS,
     CONFIGURATIONS,
     DX,
+    DYNAMIC_PRESSURE,
     WATER,
     WIDTH,
     assert_close,
@@ -21,7 +22,6 @@ from tests.cases import (
 from tests.naive import Naive
 
 TOLERANCE = {"float64": 1e-10, "float32": 1e-4}
-DYNAMIC_PRESSURE = WATER.rho0 * (C0 / 10) ** 2
 
 # every configuration in double precision, and those with the most different code in single
 PRECISE = [(name, "float64") for name in CONFIGURATIONS]

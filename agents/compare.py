@@ -1,0 +1,167 @@
+"""The main job: all agents on the same instances and seeds, and a report of how they did."""
+
+import itertools
+import platform
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numba
+import numpy as np
+import pandas as pd
+import tyro
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+import sph_gym
+from agents import grid_search, report
+from agents.evaluate import evaluate, instance_ids, play, print_table, readable, summary_table
+from agents.policies import LEARNED, NAMES, Spec, build, trained_network
+from sph_gym.env import env_id
+from sph_gym.view import Painter, side_by_side, write_video
+
+PANEL_WIDTH = 480
+FRAMES_PER_SECOND = 20
+
+
+@dataclass
+class Args:
+    """Compare agents on unseen instances of a scene; writes a table, plots, a video, a report."""
+
+    scene: str = "dam_break"
+    """scene of the environment"""
+    agents: tuple[str, ...] = NAMES
+    """which agents"""
+    n_instances: int = 16
+    """test instances, the same for every agent"""
+    n_search: int = 6
+    """training instances of the grid search"""
+    grid: tuple[int, int, int] = (4, 6, 3)
+    """grid of the search: how many Courant multiples, sound speeds and xsph values"""
+    networks: dict[str, Path] = field(default_factory=dict)
+    """exported networks instead of the shipped ones, e.g. --networks ppo runs/x/network.npz"""
+    output: Path = Path("runs/compare")
+    """folder of the report; finished runs in it are kept"""
+
+
+def specs(args: Args) -> list[Spec]:
+    """The agents as plain data; learned ones without a trained network are left out aloud.
+
+    Raises ValueError for unknown names.
+    """
+    chosen = []
+    for name in args.agents:
+        if name not in NAMES:
+            raise ValueError(f"agents: expected some of {', '.join(NAMES)}, got {name!r}")
+        if name == "grid_search":
+            chosen.append(grid_search.best(_search(args)))
+        elif name in LEARNED:
+            network = args.networks.get(name, trained_network(name, args.scene))
+            if not network.exists():
+                print(f"{name}: no network has been trained for {args.scene}, left out")
+                continue
+            chosen.append(Spec(name, network=str(network)))
+        else:
+            chosen.append(Spec(name))
+    return chosen
+
+
+def _search(args: Args) -> pd.DataFrame:
+    n_courant, n_sound, n_xsph = args.grid
+    return grid_search.search(
+        grid_search.Args(
+            scene=args.scene,
+            n_instances=args.n_search,
+            courant=_spread(0.4, 0.95, n_courant),
+            sound=_spread(0.2, 1.0, n_sound),
+            xsph=_spread(0.1, 0.5, n_xsph),
+            output=args.output,
+        )
+    )
+
+
+def _spread(low: float, high: float, count: int) -> tuple[float, ...]:
+    """Values from low to high at equal ratios."""
+    return tuple(round(float(value), 3) for value in np.geomspace(low, high, count))
+
+
+class Recorder(gym.Wrapper[Any, Any, Any, Any]):
+    """Keeps a picture of every step."""
+
+    def __init__(self, env: gym.Env[Any, Any], label: str) -> None:
+        super().__init__(env)
+        self._label = label
+        self.pictures: list[NDArray[np.uint8]] = []
+
+    def step(self, action: Any) -> Any:
+        """One step, and its picture."""
+        result = self.env.step(action)
+        tuning: Any = self.env.unwrapped
+        if not self.pictures:
+            self._painter = Painter(tuning.sim.scene, size=PANEL_WIDTH)
+        info = result[4]
+        end = f"blew up ({info['blowup_cause']})" if result[2] else f"work {info['work']:.2f}"
+        self.pictures.append(self._painter.paint(tuning.sim, title=self._label, lines=(end,)))
+        return result
+
+
+def record(
+    chosen: list[Spec], scene: str, instance: str
+) -> tuple[dict[str, list[dict[str, Any]]], list[list[NDArray[np.uint8]]]]:
+    """One episode of every agent on the same instance: its infos and its pictures."""
+    episodes, pictures = {}, []
+    for spec in tqdm(chosen, desc="recording", unit="agent"):
+        env = Recorder(gym.make(env_id(scene)), report.AGENTS[spec.name][0])
+        episodes[spec.name] = play(env, build(spec, 0), instance, seed=0)
+        pictures.append(env.pictures)
+    return episodes, pictures
+
+
+def animate(pictures: list[list[NDArray[np.uint8]]], path: Path) -> None:
+    """All agents side by side; one that blew up stays on its last picture."""
+    length = max(map(len, pictures))
+    frames = (side_by_side([own[min(k, len(own) - 1)] for own in pictures]) for k in range(length))
+    write_video(path, itertools.chain(frames), FRAMES_PER_SECOND)
+
+
+def compare(args: Args) -> Path:
+    """Run everything that is missing and write the folder. Returns the path of the report."""
+    instances = instance_ids(args.scene, "test", args.n_instances)
+    chosen = specs(args)
+    runs = evaluate(chosen, args.scene, instances, args.output / "runs.csv")
+    summary = summary_table(runs)
+    report.write_tables(summary, args.output)
+    report.plot_returns(runs, args.output / "returns.png")
+    report.plot_cost_against_error(runs, args.output / "cost_against_error.png")
+    report.plot_reward_terms(runs, args.output / "reward_terms.png")
+    episodes, pictures = record(chosen, args.scene, instances[0])
+    report.plot_controls(episodes, args.output / "controls.png")
+    animate(pictures, args.output / "side_by_side.mp4")
+    page = report.write_report(args.output, _context(args, summary, instances))
+    print_table(readable(summary), f"{args.scene}: {len(instances)} unseen instances")
+    print("mean ± half of the 95 % bootstrap interval over instances; best return first")
+    return page
+
+
+def _context(args: Args, summary: pd.DataFrame, instances: list[str]) -> dict[str, Any]:
+    return {
+        "scene": args.scene,
+        "summary": summary,
+        "instances": instances,
+        "recorded_instance": instances[0],
+        "command": f"python -m agents.compare --scene {args.scene} --n-instances {len(instances)}",
+        "versions": {
+            "sph_gym": sph_gym.__version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "numba": numba.__version__,
+        },
+        "cpu": report.cpu_name(),
+        "date": date.today().isoformat(),
+    }
+
+
+if __name__ == "__main__":
+    print(f"report: {compare(tyro.cli(Args, description=__doc__))}")

@@ -1,0 +1,85 @@
+"""Command line: `python -m sph_gym run SCENE` and `python -m sph_gym study NAME`."""
+
+import argparse
+import sys
+from typing import Any
+
+from sph_gym import scenes
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Parse and carry out; returns the exit status."""
+    options = _parser().parse_args(arguments)
+    try:
+        return int(options.function(options))
+    except (ValueError, ImportError) as error:
+        print(f"sph_gym: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("sph_gym: interrupted", file=sys.stderr)
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m sph_gym", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="run | study")
+    run = commands.add_parser("run", help="run a scene; log, watch or film it")
+    run.set_defaults(function=_run)
+    run.add_argument("scene", help=", ".join(scenes.names()))
+    run.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="scene arguments")
+    run.add_argument("--seconds", type=float, help="physical time, by default the scene's own")
+    run.add_argument("--dt", type=float, help="time step [s]")
+    run.add_argument("--stiffness", type=float, help="Tait's B [Pa]")
+    run.add_argument("--xsph", type=float, help="XSPH epsilon")
+    run.add_argument("--dtype", default="float64", help="float64 or float32")
+    run.add_argument("--neighbors", default="grid", help="grid, or brute: is the search to blame?")
+    run.add_argument("--log", type=int, default=3, metavar="N", help="particles to log, 0: none")
+    run.add_argument("--color", default="speed", help="speed, density, pressure or neighbors")
+    run.add_argument("--arrows", action="store_true", help="draw forces as arrows")
+    run.add_argument("--window", action="store_true", help="watch it; keys are shown there")
+    run.add_argument("--video", metavar="PATH", help="film it: .mp4 or .gif")
+    study = commands.add_parser("study", help="measure something and print a table")
+    study.set_defaults(function=_study)
+    study.add_argument("name", help="startup, validation")
+    study.add_argument("--quick", action="store_true", help="coarser, in seconds")
+    study.add_argument("--output", default="runs/studies", help="folder of the CSV file")
+    return parser
+
+
+def _run(options: argparse.Namespace) -> int:
+    from sph_gym.run import run
+
+    changes = {name: getattr(options, name) for name in ("dt", "stiffness", "xsph")}
+    return run(
+        scenes.make(options.scene, **dict(map(_assignment, options.set))),
+        seconds=options.seconds,
+        controls={name: value for name, value in changes.items() if value is not None},
+        dtype=options.dtype,
+        neighbors=options.neighbors,
+        n_logged=options.log,
+        color=options.color,
+        arrows=options.arrows,
+        window=options.window,
+        video=options.video,
+    )
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        equals = ""
+    if not equals:
+        raise ValueError(f"--set: expected NAME=NUMBER, got {text!r}")
+    return name, int(number) if value.isdecimal() else number
+
+
+def _study(options: argparse.Namespace) -> int:
+    from sph_gym.studies import run_study
+
+    return run_study(options.name, quick=options.quick, folder=options.output)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""Run one scene frame by frame: with a log of densities and pressures, a window, a video."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.solver.checks import positive
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Simulation
+from sph_gym.view import Painter, Window, write_video
+
+VIDEO_WIDTH, VIDEO_FPS = 960, 30
+
+
+def run(
+    scene: Scene,
+    seconds: float | None = None,
+    controls: dict[str, float] | None = None,
+    dtype: str = "float64",
+    neighbors: str = "grid",
+    n_logged: int = 3,
+    color: str = "speed",
+    arrows: bool = False,
+    window: bool = False,
+    video: str | None = None,
+) -> int:
+    """Run `scene` and show it; returns 1 if it blew up, else 0.
+
+    seconds: physical time [s], by default the scene's duration; controls: changes to the nominal
+    ones; n_logged: how many particles to log, spread evenly over the fluid.
+    Raises ValueError for wrong values and unknown names.
+    """
+    sim = Simulation(scene, dtype=dtype, neighbors=neighbors)
+    sim.controls = sim.controls._replace(**(controls or {}))
+    until = scene.duration if seconds is None else positive("seconds", seconds)
+    frames = _frames(sim, until, n_logged)
+    if video is not None:
+        painter = Painter(scene, size=VIDEO_WIDTH, color=color, arrows=arrows)
+        write_video(video, (painter.paint(sim, title=scene.name) for _ in frames), VIDEO_FPS)
+        print(f"video: {video}")
+    elif window:
+        with_keys = Window(scene, color=color, arrows=arrows)
+        for _ in frames:
+            with_keys.show(sim)
+            if with_keys.closed:
+                break
+        with_keys.close()
+    else:
+        for _ in frames:
+            pass
+    return int(sim.last_report.diverged)
+
+
+def _frames(sim: Simulation, until: float, n_logged: int) -> Iterator[None]:
+    """Advance frame by frame, log after each; ends at `until` or with a blow-up."""
+    logged = np.linspace(0, sim.n_fluid - 1, min(max(n_logged, 0), sim.n_fluid)).astype(int)
+    print(_heading(logged))
+    while sim.time < until * (1 - 1e-9):
+        report = sim.advance(min(sim.scene.frame, until - sim.time))
+        print(_line(sim, report.n_substeps, logged))
+        yield
+        if report.diverged:
+            print(
+                f"blew up: cause {report.cause}, first in the link {report.link!r}, "
+                f"particle {report.bad_particle}, after {report.n_substeps} substeps of this frame"
+            )
+            return
+
+
+def _heading(logged: NDArray[Any]) -> str:
+    columns = [f"rho/rho0 #{i}   p #{i} [Pa]" for i in logged]
+    return "  ".join(["   t [s]  substeps  v_max [m/s]  density error", *columns])
+
+
+def _line(sim: Simulation, n_substeps: int, logged: NDArray[Any]) -> str:
+    numbers = sim.diagnostics()
+    rho, p = sim.rho / sim.scene.fluid.rho0, sim.p
+    start = (
+        f"{sim.time:8.4f}  {n_substeps:8d}  {numbers['max_speed']:11.4f}  "
+        f"{100 * numbers['density_error']:11.4f} %"
+    )
+    return "  ".join([start, *(f"{rho[i]:11.4f}  {p[i]:11.4g}" for i in logged)])

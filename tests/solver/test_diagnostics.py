@@ -1,0 +1,130 @@
+"""Every number of `Simulation.diagnostics` from its definition."""
+
+import numpy as np
+import pytest
+
+from sph_gym import Effects, Gravity, Simulation, lattice, scenes
+from tests.cases import CLOUDS, DX, STIFFNESS, WATER, fluid, simulation
+
+clouds = pytest.mark.parametrize("cloud", CLOUDS)
+
+
+def distances(x):
+    """(n, n) [m], infinite from a particle to itself."""
+    offset = x[:, None] - x[None]
+    return np.hypot(offset[..., 0], offset[..., 1]) + np.diag(np.full(len(x), np.inf))
+
+
+@pytest.mark.without_jit
+@clouds
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_numbers_are_those_of_their_definitions(dtype, cloud):
+    sim = simulation("everything", cloud, dtype)
+    numbers = sim.diagnostics()
+    x, v, rho, a = (fluid(sim, field) for field in ("x", "v", "rho", "a"))
+    m, r, h = sim.mass, distances(x), sim.scene.h
+    nearest = np.where(r < h, r, np.inf).min(axis=1) / DX
+    excess = np.maximum(rho / 1000.0 - 1.0, 0.0)
+    momentum = m * v.sum(axis=0)
+    centre = x.mean(axis=0)
+    speed = np.linalg.norm(v, axis=1).max()
+    expected = {
+        "time": 0.0,
+        "density_error": excess.mean(),
+        "density_error_p99": np.quantile(excess, 0.99),
+        "min_spacing": nearest.min(),
+        "median_spacing": np.median(nearest),
+        "kinetic_energy": 0.5 * m * (v**2).sum(),
+        "potential_energy": -m * len(x) * (1.5 * centre[0] - 9.81 * centre[1]),
+        "com_x": centre[0],
+        "com_y": centre[1],
+        "momentum_x": momentum[0],
+        "momentum_y": momentum[1],
+        "angular_momentum": m * (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]).sum(),
+        "max_speed": speed,
+        "max_acceleration": np.linalg.norm(a, axis=1).max(),
+        "mach": speed / np.sqrt(7 * sim.controls.stiffness / 1000.0),
+        "courant": sim.controls.dt * np.sqrt(7 * sim.controls.stiffness / 1000.0) / h,
+    }
+    # momenta and densities cancel, so that single precision shows
+    loose = {"float64": 1e-12, "float32": 1e-5}[dtype]
+    for name, value in expected.items():
+        assert numbers[name] == pytest.approx(value, rel=loose, abs=loose), name
+    if dtype == "float64":
+        assert numbers["mean_neighbors"] == pytest.approx((r < h).sum(axis=1).mean())
+        assert numbers["clumping"] == pytest.approx((nearest < 0.6).mean())
+    assert {type(value) for value in numbers.values()} == {float}
+    assert set(numbers) - set(expected) == {
+        "mean_neighbors",
+        "clumping",
+        "internal_energy",
+        "energy_excess",
+    }
+
+
+@clouds
+def test_internal_energy_is_the_work_of_compression_walls_included(cloud):
+    sim = simulation("everything", cloud)
+
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+
+    def work(rho):
+        half = max(rho - 1000.0, 0.0) / 2
+        between = 1000.0 + half * (1 + nodes)
+        pressure = sim.controls.stiffness * ((between / 1000.0) ** 7 - 1)
+        return half * (weights * pressure / between**2).sum()
+
+    expected = sim.mass * sum(work(rho) for rho in sim.rho)
+    assert sim.diagnostics()["internal_energy"] == pytest.approx(expected, rel=1e-8, abs=1e-9)
+
+
+def test_a_lonely_particle_has_numbers():
+    sim = simulation("gravity", x=[(1.0, 2.0)], v=[(3.0, 4.0)])
+    numbers = sim.diagnostics()
+    assert numbers["max_speed"] == 5.0
+    assert numbers["mean_neighbors"] == numbers["clumping"] == 0.0
+    assert numbers["min_spacing"] == numbers["median_spacing"] == np.inf
+    assert numbers["density_error"] == 0.0
+
+
+def test_a_resting_lattice_is_faultless():
+    sim = simulation("none", x=lattice(0.0, 0.3, 0.0, 0.3, DX), v=None, h=3 * DX)
+    numbers = sim.diagnostics()
+    assert numbers["density_error_p99"] < 1e-12
+    assert numbers["clumping"] == 0.0
+    assert numbers["min_spacing"] == pytest.approx(1.0)
+    assert numbers["energy_excess"] == 0.0
+
+
+def test_energy_of_a_fall_is_no_excess():
+    gravity = Gravity(1.5, -9.81, ramp=0.05)
+    sim = simulation("gravity", "lattice 3", v=None, effects=Effects(gravity=gravity))
+    sim.controls = sim.controls._replace(dt=1e-4)
+    for _ in range(20):
+        assert not sim.advance(5e-3).diverged
+    numbers = sim.diagnostics()
+    assert numbers["kinetic_energy"] > 1.0
+    assert abs(numbers["energy_excess"]) < 0.01
+
+
+def test_raising_the_stiffness_is_booked_as_work():
+    sim = simulation("none", speed=0.0)
+    before = sim.diagnostics()
+    sim.controls = sim.controls._replace(stiffness=20 * STIFFNESS)
+    after = sim.diagnostics()
+    assert after["internal_energy"] == pytest.approx(
+        before["internal_energy"] * 20 / 1.3, rel=1e-12
+    )
+    assert after["energy_excess"] == pytest.approx(before["energy_excess"], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_scenes_start_well(name):
+    sim = Simulation(scenes.make(name))
+    numbers = sim.diagnostics()
+    assert numbers["clumping"] == 0.0
+    assert numbers["density_error"] < 0.02
+    assert numbers["energy_excess"] == 0.0
+    assert numbers["max_speed"] == 0.0
+    assert numbers["courant"] <= 0.4 + 1e-12
+    assert sim.scene.fluid.rho0 == WATER.rho0

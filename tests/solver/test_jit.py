@@ -1,0 +1,101 @@
+"""The cache of machine code: named by the sources, put where the user says, done without."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+from sph_gym.solver import jit
+from sph_gym.solver.jit import FASTMATH, cache_home, source_hash
+
+SOLVER = Path(jit.__file__).parent
+
+# compiles one small function, in a fresh interpreter
+SMALL = "from sph_gym.solver.walls import reflect; print(reflect(0.0, 1.0, 0.5, -1.0, -2.0))"
+
+
+@pytest.fixture
+def copied(tmp_path, monkeypatch):
+    """A copy of the solver's sources that `source_hash` takes for the real ones."""
+    copy = tmp_path / "solver"
+    shutil.copytree(SOLVER, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(jit, "__file__", str(copy / "jit.py"))
+    return copy
+
+
+@pytest.mark.without_jit
+def test_the_hash_of_a_copy_is_the_same(copied):
+    assert source_hash.__wrapped__() == source_hash()
+
+
+@pytest.mark.without_jit
+@pytest.mark.parametrize("name", sorted(path.name for path in SOLVER.glob("*.py")))
+def test_any_changed_source_changes_the_hash(copied, name):
+    with (copied / name).open("a") as source:
+        source.write("# changed\n")
+    assert source_hash.__wrapped__() != source_hash()
+
+
+@pytest.mark.without_jit
+def test_a_new_a_lost_and_a_renamed_source_change_the_hash(copied):
+    hashes = {source_hash.__wrapped__()}
+    (copied / "new.py").write_text("")
+    hashes.add(source_hash.__wrapped__())
+    (copied / "new.py").rename(copied / "newer.py")
+    hashes.add(source_hash.__wrapped__())
+    (copied / "lanes.py").unlink()
+    hashes.add(source_hash.__wrapped__())
+    assert len(hashes) == 4
+
+
+@pytest.mark.without_jit
+def test_another_compiler_changes_the_hash(monkeypatch):
+    monkeypatch.setattr(numba, "__version__", "0.0")
+    assert source_hash.__wrapped__() != source_hash()
+
+
+@pytest.mark.without_jit
+def test_the_users_folder_comes_first(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path / "mine"))
+    assert cache_home() == tmp_path / "mine"
+    monkeypatch.delenv("SPH_GYM_CACHE")
+    if sys.platform != "win32":
+        assert cache_home() == tmp_path / "xdg" / "sph_gym"
+
+
+def run(cache):
+    """SMALL in another interpreter, with `cache` for its cache."""
+    # the tree that is tested here, wherever it is installed
+    environment = os.environ | {
+        "SPH_GYM_CACHE": str(cache),
+        "NUMBA_DISABLE_JIT": "0",
+        "PYTHONPATH": str(SOLVER.parents[1]),
+    }
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", SMALL],
+        env=environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.strip()
+
+
+def test_machine_code_goes_to_the_chosen_folder(tmp_path):
+    assert run(tmp_path) == "(0.0, 1.0)"
+    assert {path.name for path in (tmp_path / "jit").iterdir()} == {source_hash()}
+    assert list(tmp_path.glob("jit/*/**/*.nbc"))
+
+
+def test_without_a_folder_to_write_to_it_still_runs(tmp_path):
+    a_file = tmp_path / "file"
+    a_file.write_text("")
+    assert run(a_file / "cache") == "(0.0, 1.0)"
+
+
+def test_fast_math_leaves_what_is_not_finite_alone():
+    assert not FASTMATH & {"nnan", "ninf", "fast"}

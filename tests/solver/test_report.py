@@ -1,0 +1,125 @@
+"""Blow-ups: that they are reported, at once, with the right name, and leave a finite state."""
+
+import numpy as np
+import pytest
+
+from sph_gym import Effects, Fluid, Simulation, scenes
+from tests.cases import C0, STIFFNESS, fluid, simulation
+from tests.solver.test_simulation import FIELDS
+
+CAUSES = {"cfl", "stiffness", "clumping", "tunnelling", "energy", "nan"}
+LINKS = {"neighbours", "density", "pressure", "force", "integration", "walls"}
+
+
+def assert_finite(sim):
+    for field in FIELDS:
+        assert np.isfinite(getattr(sim, field)).all(), field
+
+
+def run_until_it_fails(sim, calls=20):
+    """The report of the first failure, and the state checked after every call."""
+    for _ in range(calls):
+        report = sim.advance(sim.scene.frame)
+        assert_finite(sim)
+        if report.diverged:
+            assert report.cause in CAUSES
+            assert report.link in LINKS
+            assert 0 <= report.bad_particle < sim.n_fluid
+            return report
+        assert (report.cause, report.link, report.bad_particle) == ("", "", -1)
+    pytest.fail("it did not blow up")
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("name", ["dam_break", "relaxation"])
+def test_a_step_that_is_five_times_too_long_is_blamed_on_the_courant_limit(name, dtype):
+    sim = Simulation(scenes.make(name, dx=0.05), dtype)
+    sim.controls = sim.controls._replace(dt=5 * sim.stable_dt())
+    assert run_until_it_fails(sim).cause == "cfl"
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e20])
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("name", ["dam_break", "relaxation"])
+def test_a_fluid_that_is_too_stiff_for_its_step_is_blamed_on_the_stiffness(name, dtype, factor):
+    sim = Simulation(scenes.make(name, dx=0.05), dtype)
+    sim.controls = sim.controls._replace(stiffness=factor * sim.controls.stiffness)
+    assert run_until_it_fails(sim).cause == "stiffness"
+
+
+def test_a_step_beyond_the_viscous_limit_is_blamed_on_the_courant_limit():
+    sim = simulation("laminar viscosity", effects=Effects(laminar_viscosity=5.0))
+    assert sim.controls.dt > 5 * sim.stable_dt()
+    assert run_until_it_fails(sim).cause == "cfl"
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("strength", [5.0, 1e6, 1e30])
+def test_absurd_smoothing_ends_in_a_report(strength, dtype):
+    sim = Simulation(scenes.make("dam_break", dx=0.05), dtype)
+    sim.controls = sim.controls._replace(xsph=strength)
+    run_until_it_fails(sim)
+
+
+def test_positions_that_overflow_never_reach_the_state():
+    sim = simulation("xsph")
+    sim.controls = sim.controls._replace(xsph=1e308)
+    assert run_until_it_fails(sim).n_substeps == 1
+    assert (sim.x == sim.scene.x).all()
+
+
+@pytest.mark.without_jit
+@pytest.mark.parametrize(("speed", "failed"), [(4990.0, False), (5010.0, True)])
+def test_too_fast_is_a_blow_up(speed, failed):
+    v = np.zeros((3, 2))
+    v[1] = 0.6 * speed, -0.8 * speed
+    sim = simulation("none", x=[(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)], v=v)
+    report = sim.advance(3 * sim.controls.dt)
+    assert report.diverged is failed
+    assert report.bad_particle == (1 if failed else -1)
+    assert report.n_substeps == (1 if failed else 3)
+
+
+def test_the_state_after_a_blow_up_is_the_one_before_the_failing_step():
+    sim, twin = (Simulation(scenes.make("dam_break", dx=0.05)) for _ in range(2))
+    for each in (sim, twin):
+        each.controls = each.controls._replace(stiffness=1e3 * each.controls.stiffness)
+    report = sim.advance(sim.scene.frame)
+    done = report.n_substeps - 1
+    assert done >= 1
+    assert sim.time == pytest.approx(done * report.dt)
+    twin.controls = twin.controls._replace(dt=report.dt)
+    twin.advance(done * report.dt)
+    assert fluid(sim, "x") == pytest.approx(fluid(twin, "x"), rel=1e-9)
+    assert fluid(sim, "v") == pytest.approx(fluid(twin, "v"), rel=1e-6)
+    assert sim.rho == pytest.approx(twin.rho, rel=1e-9)
+
+
+# --- What is no blow-up ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("configuration", ["none", "everything"])
+def test_an_overlapping_cloud_may_fly_apart(configuration):
+    sim = simulation(configuration, "overlapping", speed=0.0)
+    sim.controls = sim.controls._replace(dt=1e-5)
+    fastest = 0.0
+    for _ in range(10):
+        assert not sim.advance(1e-3).diverged
+        fastest = max(fastest, sim.diagnostics()["max_speed"])
+    assert fastest > 13 * C0
+
+
+def test_stiffening_is_no_energy_from_nowhere():
+    sim = simulation("everything", "jittered", speed=0.0)
+    sim.controls = sim.controls._replace(dt=2e-5)
+    for factor in (1.0, 10.0, 1.0, 30.0, 0.1):
+        sim.controls = sim.controls._replace(stiffness=factor * STIFFNESS)
+        assert not sim.advance(1e-3).diverged
+
+
+def test_a_matched_kernel_creates_no_energy():
+    sim = simulation("none", fluid=Fluid(c0=C0, kernel="wendland_c2"), speed=0.0)
+    sim.controls = sim.controls._replace(dt=2e-5)
+    for _ in range(10):
+        assert not sim.advance(2e-3).diverged
+        assert sim.diagnostics()["energy_excess"] < 0.01

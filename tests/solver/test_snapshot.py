@@ -1,0 +1,131 @@
+"""Going back and on again, bit by bit."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from sph_gym import Simulation, scenes
+from tests.cases import STIFFNESS, simulation
+from tests.solver.test_simulation import assert_same
+
+
+def go_on(sim):
+    """Something of everything: time, other controls, looks in between."""
+    sim.advance(5 * sim.controls.dt)
+    sim.controls = sim.controls._replace(stiffness=0.6 * STIFFNESS, xsph=0.1)
+    sim.evaluate()
+    sim.advance(4 * sim.controls.dt)
+    return sim
+
+
+@pytest.mark.without_jit
+@pytest.mark.parametrize("detour", ["none", "controls", "time", "pickle", "looks", "blow-up"])
+@pytest.mark.parametrize(
+    ("dtype", "neighbors"), [("float64", "grid"), ("float32", "grid"), ("float64", "brute")]
+)
+def test_going_on_from_a_snapshot_is_bit_exact(detour, dtype, neighbors):
+    sim = simulation("everything", "jittered", dtype, neighbors)
+    sim.controls = sim.controls._replace(stiffness=0.9 * STIFFNESS)
+    sim.advance(4 * sim.controls.dt)
+    snapshot = sim.snapshot()
+    twin = simulation("everything", "jittered", dtype, neighbors)
+    if detour == "controls":
+        sim.controls = sim.controls._replace(dt=1e-5, stiffness=3 * STIFFNESS, xsph=0.9)
+    elif detour == "time":
+        sim.advance(11 * sim.controls.dt)
+    elif detour == "pickle":
+        snapshot = pickle.loads(pickle.dumps(snapshot))
+    elif detour == "looks":
+        sim.a, sim.rho, sim.stable_dt(), sim.diagnostics(), sim.neighbor_counts
+    elif detour == "blow-up":
+        sim.controls = sim.controls._replace(stiffness=1e6 * STIFFNESS)
+        assert sim.advance(20 * sim.controls.dt).diverged
+    for each in (sim, twin):
+        each.restore(snapshot)
+    original = simulation("everything", "jittered", dtype, neighbors)
+    original.controls = original.controls._replace(stiffness=0.9 * STIFFNESS)
+    original.advance(4 * original.controls.dt)
+    for each in (sim, twin):
+        assert each.controls == original.controls
+        assert_same(each, original)
+        assert each.diagnostics() == original.diagnostics()
+    go_on(original)
+    for each in (sim, twin):
+        assert_same(go_on(each), original)
+        assert each.diagnostics() == original.diagnostics()
+
+
+def test_a_snapshot_is_a_copy():
+    sim = simulation("everything")
+    snapshot, x = sim.snapshot(), sim.x
+    sim.advance(5 * sim.controls.dt)
+    sim.restore(snapshot)
+    sim.advance(5 * sim.controls.dt)
+    sim.restore(snapshot)
+    assert (sim.x == x).all()
+
+
+def test_a_long_run_goes_on_from_its_middle():
+    sim, twin = (Simulation(scenes.make("dam_break", dx=0.05)) for _ in range(2))
+    sim.advance(0.3)
+    twin.restore(sim.snapshot())
+    for each in (sim, twin):
+        each.advance(0.1)
+    assert_same(sim, twin)
+
+
+def test_a_snapshot_after_a_blow_up_can_be_taken_up():
+    sim, twin = simulation("everything"), simulation("everything")
+    sim.controls = sim.controls._replace(stiffness=1e6 * STIFFNESS)
+    assert sim.advance(20 * sim.controls.dt).diverged
+    twin.restore(sim.snapshot())
+    assert (sim.x == twin.x).all()
+    assert (sim.v == twin.v).all()
+    for each in (sim, twin):
+        each.controls = each.controls._replace(dt=1e-7, stiffness=STIFFNESS)
+        each.advance(1e-6)
+    assert_same(sim, twin)
+
+
+def foreign():
+    snapshot = simulation("everything").snapshot()
+    smaller = simulation("everything", x=[(0.1, 0.1), (0.2, 0.1)], v=None).snapshot()
+    return {
+        "another size": smaller,
+        "another precision": simulation("everything", dtype="float32").snapshot(),
+        "nothing": {},
+        "no snapshot": None,
+        "no fluid": {name: value for name, value in snapshot.items() if name != "fluid"},
+        "a field too few": snapshot | {"fluid": {"x": snapshot["fluid"]["x"]}},
+        "no arrays": snapshot | {"fluid": dict.fromkeys(snapshot["fluid"], 1.0)},
+        "time that is no time": snapshot | {"time": "noon"},
+        "two controls": snapshot | {"controls": (1e-4, 1e4)},
+        "impossible controls": snapshot | {"controls": (-1e-4, 1e4, 0.3)},
+        "short ledger": snapshot | {"ledger": [0.0]},
+        "short totals": snapshot | {"totals": (0.0,)},
+    }
+
+
+@pytest.mark.parametrize("what", foreign())
+def test_a_foreign_snapshot_is_refused_and_changes_nothing(what):
+    sim, untouched = simulation("everything"), simulation("everything")
+    with pytest.raises(ValueError, match=r"snapshot|controls"):
+        sim.restore(foreign()[what])
+    for each in (sim, untouched):
+        each.advance(3 * each.controls.dt)
+    assert_same(sim, untouched)
+
+
+def test_a_snapshot_holds_plain_arrays_and_numbers():
+    def leaves(value):
+        if isinstance(value, dict):
+            return [leaf for part in value.values() for leaf in leaves(part)]
+        return (
+            [leaf for part in value for leaf in leaves(part)]
+            if isinstance(value, list | tuple)
+            else [value]
+        )
+
+    kinds = {type(leaf) for leaf in leaves(simulation("everything").snapshot())}
+    assert kinds <= {np.ndarray, float}

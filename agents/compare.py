@@ -2,6 +2,7 @@
 
 import itertools
 import platform
+import sys
 from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
@@ -16,10 +17,12 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 import sph_gym
-from agents import grid_search, report
+from agents import grid_search, plots, report
 from agents.evaluate import evaluate, instance_ids, play, print_table, readable, summary_table
+from agents.looks import AGENTS
 from agents.policies import LEARNED, NAMES, Spec, build, trained_network
 from sph_gym.env import env_id
+from sph_gym.env.instances import parse
 from sph_gym.view import Painter, side_by_side, write_video
 
 PANEL_WIDTH = 480
@@ -113,7 +116,7 @@ def record(
     """One episode of every agent on the same instance: its infos and its pictures."""
     episodes, pictures = {}, []
     for spec in tqdm(chosen, desc="recording", unit="agent"):
-        env = Recorder(gym.make(env_id(scene)), report.AGENTS[spec.name][0])
+        env = Recorder(gym.make(env_id(scene)), AGENTS[spec.name][0])
         episodes[spec.name] = play(env, build(spec, 0), instance, seed=0)
         pictures.append(env.pictures)
     return episodes, pictures
@@ -133,25 +136,30 @@ def compare(args: Args) -> Path:
     runs = evaluate(chosen, args.scene, instances, args.output / "runs.csv")
     summary = summary_table(runs)
     report.write_tables(summary, args.output)
-    report.plot_returns(runs, args.output / "returns.png")
-    report.plot_cost_against_error(runs, args.output / "cost_against_error.png")
-    report.plot_reward_terms(runs, args.output / "reward_terms.png")
+    plots.plot_returns(runs, args.output / "returns.png")
+    plots.plot_cost_against_error(runs, args.output / "cost_against_error.png")
+    plots.plot_reward_terms(runs, args.output / "reward_terms.png")
     episodes, pictures = record(chosen, args.scene, instances[0])
-    report.plot_controls(episodes, args.output / "controls.png")
+    scene = parse(instances[0]).build()
+    nominal = scene.fluid.stiffness(scene.fluid.c0)
+    plots.plot_controls(episodes, args.output / "controls.png", nominal)
     animate(pictures, args.output / "side_by_side.mp4")
-    page = report.write_report(args.output, _context(args, summary, instances))
+    page = report.write_report(args.output, _context(args, chosen, summary, instances))
     print_table(readable(summary), f"{args.scene}: {len(instances)} unseen instances")
     print("mean ± half of the 95 % bootstrap interval over instances; best return first")
     return page
 
 
-def _context(args: Args, summary: pd.DataFrame, instances: list[str]) -> dict[str, Any]:
+def _context(
+    args: Args, chosen: list[Spec], summary: pd.DataFrame, instances: list[str]
+) -> dict[str, Any]:
     return {
+        "notes": [_note(spec, args) for spec in chosen if spec.settings or spec.network],
         "scene": args.scene,
         "summary": summary,
         "instances": instances,
         "recorded_instance": instances[0],
-        "command": f"python -m agents.compare --scene {args.scene} --n-instances {len(instances)}",
+        "command": "python -m agents.compare " + " ".join(sys.argv[1:]),
         "versions": {
             "sph_gym": sph_gym.__version__,
             "python": platform.python_version(),
@@ -161,6 +169,16 @@ def _context(args: Args, summary: pd.DataFrame, instances: list[str]) -> dict[st
         "cpu": report.cpu_name(),
         "date": date.today().isoformat(),
     }
+
+
+def _note(spec: Spec, args: Args) -> str:
+    if spec.settings is None:
+        return f"{AGENTS[spec.name].label} plays the network {Path(str(spec.network)).name}."
+    courant, sound, xsph = spec.settings
+    return (
+        f"The grid search tried {np.prod(args.grid)} settings on {args.n_search} training "
+        f"instances; the best was dt = {courant:g} h/c, c = {sound:g} c0, xsph = {xsph:g}."
+    )
 
 
 if __name__ == "__main__":

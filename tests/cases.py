@@ -6,6 +6,7 @@ All lengths in metres; dx is 0.02 and a full cloud is a square of 12 x 12 partic
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from sph_gym import Controls, Effects, Fluid, Scene, Simulation, Walls, lattice, tank_particles
 
@@ -71,6 +72,14 @@ CLOUDS = {
     "overlapping": (lambda rng: rng.uniform(0.25 * WIDTH, 0.75 * WIDTH, (144, 2)), 2.6),
     "coincident": (coincident, 2.6),
 }
+# all of them compiled, the nastiest one uncompiled too
+clouds = pytest.mark.parametrize(
+    "cloud",
+    [
+        pytest.param(name, marks=pytest.mark.without_jit if name == "coincident" else ())
+        for name in CLOUDS
+    ],
+)
 
 
 def scene(configuration="none", cloud="jittered", dtype="float64", speed=3.0, seed=0, **changes):

@@ -13,7 +13,7 @@ TESTS = Path(__file__).parent
 
 @pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled anyway")
 def test_the_solver_runs_uncompiled():
-    command = [sys.executable, "-m", "pytest", "-m", "without_jit", "-x", TESTS / "solver"]
+    command = [sys.executable, "-m", "pytest", "-m", "without_jit", TESTS / "solver"]
     done = subprocess.run(
         command,
         cwd=TESTS.parent,

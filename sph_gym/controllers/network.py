@@ -46,7 +46,7 @@ class Network:
         Raises ValueError if the file is no exported network.
         """
         try:
-            with np.load(path, allow_pickle=False) as data:
+            with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
                 n_layers = sum(name.startswith("weight") for name in data.files)
                 weights = tuple(data[f"weight{k}"] for k in range(n_layers))
                 biases = tuple(data[f"bias{k}"] for k in range(n_layers))

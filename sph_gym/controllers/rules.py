@@ -47,7 +47,7 @@ class TunedCfl:
 
     The sound speed follows the flow, c = max(`mach` v_max, `floor` c0), and the step follows the
     sound speed: 1 / dt = c / (`courant` h) + the viscous rates, since waves and friction share
-    one stability limit. From a Courant multiple of 1.0 on, runs on unseen instances blow up.
+    one stability limit. A Courant multiple of 1.0 is beyond what symplectic Euler can take.
     """
 
     courant: float = 0.9

@@ -57,7 +57,10 @@ def _value(position: float, low: float, high: float) -> float:
 
 
 def _box_action(action: Any) -> Coordinates:
-    numbers = np.asarray(action, dtype=np.float64)
+    try:
+        numbers = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.array(np.nan)
     if numbers.shape != (3,) or not np.isfinite(numbers).all() or (np.abs(numbers) > 1).any():
         raise ValueError(
             f"action: expected 3 finite numbers in [-1, 1] ({', '.join(NAMES)}), got {action!r}"

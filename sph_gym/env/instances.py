@@ -90,7 +90,9 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
     known("scene", scene, _DRAWS)
     size = SIZES[known("instances", split, SIZES)]
     if not 0 <= number < size:
-        raise ValueError(f"number: expected 0 to {size - 1} in {split!r}, got {number}")
+        raise ValueError(
+            f"instance: expected a number from 0 to {size - 1} in {split!r}, got {number}"
+        )
     spacing = NOMINAL_DX[scene] if dx is None else dx
     arguments: dict[str, Any] = {"dx": spacing}
     if split != "nominal":

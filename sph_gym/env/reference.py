@@ -152,7 +152,8 @@ def _cfl_substeps(scene: Scene) -> float:
 def _read(path: Path) -> Reference | None:
     """A stored reference; None if there is none or it can't be read, for it can be recomputed."""
     try:
-        with np.load(path, allow_pickle=False) as data:
+        # opened here, since np.load leaves a torn file open
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             runs = [Observables(*(data[f"{name}{k}"] for name in Observables._fields))
                     for k in range(3)]  # fmt: skip
             return Reference(runs[0], tuple(runs[1:]), float(data["cfl_substeps"]))

@@ -132,13 +132,13 @@ class TuningEnv(gym.Env[NDArray[np.float32], Any]):
         self._step += 1
         self._before, self._numbers = self._numbers, self.observation_type.look(self.sim)
         work = report.n_substeps / self._reference.cfl_substeps
+        errors = self._judge.errors(self._step, self._numbers)
         if report.diverged:
-            fidelity, terms = 0.0, rewards.blowup_terms(self.n_steps - self._step + 1)
+            terms = rewards.blowup_terms(self.n_steps - self._step + 1)
         else:
-            errors = self._judge.errors(self._step, self._numbers)
-            fidelity, terms = errors.fidelity, rewards.terms(errors, work)
+            terms = rewards.terms(errors, work)
         weighted = {term: self.reward_weights[term] * value for term, value in terms.items()}
-        self._info = self._make_info(work, fidelity, weighted)
+        self._info = self._make_info(work, errors.fidelity, weighted)
         terminated = report.diverged
         truncated = self._step >= self.n_steps and not terminated
         self._over = terminated or truncated

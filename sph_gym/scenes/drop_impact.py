@@ -26,7 +26,7 @@ def drop_impact(
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
     diameter, width = in_range("diameter", diameter, 3 * dx), in_range("width", width, 6 * dx)
     drop_height = in_range("drop_height", drop_height, dx)
-    pool_depth = in_range("pool_depth", pool_depth, 3 * dx)
+    pool_depth = in_range("pool_depth", pool_depth, dx)
     width, pool_depth = snap(width, dx), snap(pool_depth, dx)
     if diameter > width - 6 * dx:
         raise ValueError(f"diameter: expected at most width - 6 dx, got {diameter:g} m")

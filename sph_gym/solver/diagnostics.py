@@ -78,8 +78,23 @@ def totals(fluid, walls, mass, stiffness, rho0, gamma, clamp) -> Totals:
 
 
 @jit
-def nearest_and_count(fluid, start, grid, h2):
-    """Squared distance [m^2] to the nearest other fluid particle, and how many are within h."""
+def _add_count(sources, start, grid, x, y, h2, count):
+    if sources is None:
+        return count
+    first_row, last_row = rows(grid, y)
+    for row in range(first_row, last_row):
+        low, high = span(grid, start, row, x)
+        for j in range(low, high):
+            dx, dy = x - sources.x[j], y - sources.y[j]
+            count += 1 if dx * dx + dy * dy < h2 else 0
+    return count
+
+
+@jit
+def nearest_and_count(fluid, start, walls, wall_start, grid, h2):
+    """Squared distance [m^2] to the nearest other fluid particle, inf if none is within h, and
+    the number of all other particles within h.
+    """
     nearest = np.full(fluid.x.size, np.inf)
     count = np.zeros(fluid.x.size, np.int32)
     for i in range(fluid.x.size):
@@ -91,8 +106,9 @@ def nearest_and_count(fluid, start, grid, h2):
                 dx, dy = x - fluid.x[j], y - fluid.y[j]
                 r2 = dx * dx + dy * dy
                 if r2 < h2 and j != i:
-                    count[i] += 1
                     nearest[i] = min(nearest[i], r2)
+        count[i] = _add_count(fluid, start, grid, x, y, h2, -1)
+        count[i] = _add_count(walls, wall_start, grid, x, y, h2, count[i])
     return nearest, count
 
 

@@ -7,17 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver import diagnostics, forces, stepping
+from sph_gym.solver import diagnostics, failure, forces, stepping
 from sph_gym.solver.checks import known, positive
-from sph_gym.solver.effects import (
-    ArtificialViscosity,
-    LaminarViscosity,
-    PairEffects,
-    UniformGravity,
-    Xsph,
-)
-from sph_gym.solver.equation_of_state import make_eos
-from sph_gym.solver.kernels import KERNELS, calibrated_mass
+from sph_gym.solver.model import make_model, particle_mass
 from sph_gym.solver.neighbors import make_grid, scratch, sort_into_cells
 from sph_gym.solver.scene import Gravity, Scene, check_controls
 from sph_gym.solver.state import (
@@ -28,15 +20,12 @@ from sph_gym.solver.state import (
     allocate_particles,
     empty_like,
 )
-from sph_gym.solver.walls import Box
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
 # Work of one compiled call [particle-steps]: short enough for Ctrl-C, long enough to cost nothing.
 CHUNK = 2_000_000
 MAX_SUBSTEPS = 10**12
-# Beyond this multiple of h/c symplectic Euler amplifies the shortest waves.
-LINEAR_COURANT = 0.9
 DEFAULT_XSPH = 0.3
 
 Array = NDArray[np.float64]
@@ -76,28 +65,15 @@ class Simulation:
         self.dtype = known("dtype", dtype, DTYPES)
         self.neighbors = known("neighbors", neighbors, NEIGHBORS)
         self._float = DTYPES[self.dtype]
-        self._kernel: Any = KERNELS[scene.fluid.kernel](scene.h, self._float)
-        self.mass = calibrated_mass(
-            KERNELS[scene.fluid.kernel](scene.h), scene.fluid.rho0, scene.dx
-        )
+        self._h2 = self._float(scene.h**2)
+        self.mass = particle_mass(scene)
         self.time = 0.0
         self._fluid = allocate_particles(scene.x, scene.v, self._float)  # type: ignore[arg-type]
         self._spare = empty_like(self._fluid)
-        self._constants = forces.Constants(
-            *(
-                self._float(value)
-                for value in (
-                    scene.h**2,
-                    0.01 * scene.h**2,
-                    self.mass * float(self._kernel.weight_scale),
-                    self.mass * float(self._kernel.gradient_scale),
-                )
-            )
-        )
+        self._controls = self._initial_controls()
+        self._model = make_model(scene, self._controls, self._float)
         self._make_walls()
         self._ax, self._ay = np.zeros_like(self._fluid.x), np.zeros_like(self._fluid.x)
-        self._controls = self._initial_controls()
-        self._model = self._make_model()
         self.last_report = Report(0, self._controls.dt)
         self._evaluate_density()
         self._totals = self._sum()
@@ -120,7 +96,7 @@ class Simulation:
             self._walls = WallParticles(*empty_like(bare), wall_sum)
             self._regrid()
             forces.compute_wall_sums(
-                self._walls, self._wall_start, self._grid, self._kernel, self._constants.h2
+                self._walls, self._wall_start, self._grid, self._model.kernel, self._h2
             )
 
     def _regrid(self) -> None:
@@ -136,37 +112,6 @@ class Simulation:
             # always from the same order, so that a restored run sums in the order of the first
             self._wall_start, cells = scratch(grid, self._walls.x.size)
             sort_into_cells(grid, self._wall_source, self._walls, self._wall_start, cells)
-
-    def _make_model(self) -> stepping.Model:
-        scene, kernel, number = self.scene, self._kernel, self._float
-        named, fluid = scene.effects, scene.fluid
-        artificial = laminar = xsph = gravity = box = None
-        if named.artificial_viscosity is not None:
-            artificial = ArtificialViscosity(
-                number(2 * named.artificial_viscosity * fluid.c0 * scene.h)
-            )
-        if named.laminar_viscosity is not None:
-            ratio = float(kernel.viscosity_scale) / float(kernel.gradient_scale)
-            laminar = LaminarViscosity(number(2 * named.laminar_viscosity * ratio))
-        if named.xsph:
-            xsph = Xsph(number(2 * self._controls.xsph * self.mass * float(kernel.weight_scale)))
-        if isinstance(named.gravity, Gravity):
-            ramp = named.gravity.ramp
-            gravity = UniformGravity(
-                float(named.gravity.x), float(named.gravity.y), 1 / ramp if ramp > 0 else 0.0
-            )
-        if scene.walls is not None and scene.walls.box is not None:
-            box = Box(*(number(s) for s in (*scene.walls.box, scene.walls.restitution)))
-        return stepping.Model(
-            kernel,
-            make_eos(self._controls.stiffness, fluid.rho0, fluid.exponent, fluid.clamp, number),
-            self._constants,
-            PairEffects(artificial, laminar, xsph),
-            # walls take part like fluid, but hold no velocity that would smooth the advection
-            PairEffects(artificial, laminar, None),
-            gravity,
-            box,
-        )
 
     def _initial_controls(self) -> Controls:
         if self.scene.controls is not None:
@@ -191,7 +136,7 @@ class Simulation:
         before, self._controls = self._controls, check_controls(controls)
         if self._controls[1:] == before[1:]:
             return
-        self._model = self._make_model()
+        self._model = make_model(self.scene, self._controls, self._float)
         if self._controls.stiffness != before.stiffness:
             # densities stay, pressures and the stored energy follow the stiffness
             self._evaluate_density()
@@ -295,55 +240,15 @@ class Simulation:
 
     def _failed(self, report: Report, bad: int) -> Report:
         """Which particle, which link, and why; `bad` is a place in the arrays."""
-        link, place = self._broken_link(bad)
         self._totals = self._sum()
-        return Report(
-            report.n_substeps,
-            report.dt,
-            True,
-            self._cause(report.dt, link),
-            link,
-            int(self._fluid.id[place]),
-        )
-
-    def _broken_link(self, bad: int) -> tuple[str, int]:
-        fluid = self._fluid
-
-        def kernel_sum(start: Any, grid: Any) -> float:
-            h2, x, y = self._constants.h2, fluid.x[bad], fluid.y[bad]
-            return forces.add_weights(fluid, start, grid, self._kernel, h2, x, y, self._float(0))
-
-        brute = kernel_sum(np.array([0, fluid.x.size], np.int32), None)
-        found = kernel_sum(self._start, self._grid)
-        if not np.isclose(brute, found, rtol=1e-3, equal_nan=True):
-            return "neighbours", bad
-        self._evaluate_acceleration()
-        links = {"density": fluid.rho, "pressure": fluid.stress, "force": self._ax + self._ay}
-        for link, values in links.items():
-            wrong = ~np.isfinite(values)
-            if wrong.any():
-                return link, int(np.argmax(wrong))
-        return ("walls" if self._in_wall(bad) else "integration"), bad
-
-    def _in_wall(self, place: int) -> bool:
-        if self._walls is None:
-            return False
-        dx, dy = self._walls.x - self._fluid.x[place], self._walls.y - self._fluid.y[place]
-        return bool(np.min(dx * dx + dy * dy) < (0.4 * self.scene.dx) ** 2)
-
-    def _cause(self, dt: float, link: str) -> str:
-        scene = self.scene
-        nu = scene.effects.laminar_viscosity
-        if dt * scene.fluid.c0 > LINEAR_COURANT * scene.h or (nu and dt > 0.145 * scene.h**2 / nu):
-            return "cfl"
-        if dt * self.sound_speed > LINEAR_COURANT * scene.h:
-            return "stiffness"
-        if link == "walls":
-            return "tunnelling"
-        nearest, _ = self._nearest()
-        if np.sqrt(nearest.min()) < 0.05 * scene.dx:
-            return "clumping"
-        return "energy" if link == "integration" else "nan"
+        self.evaluate()
+        search = failure.Search(self._start, self._grid, self._model.kernel, self._h2)
+        a = np.hypot(self._ax, self._ay)
+        link, place = failure.broken_link(self._fluid, self._walls, a, search, bad, self.scene.dx)
+        nearest = float(np.sqrt(self._nearest()[0].min())) / self.scene.dx
+        cause = failure.cause(self.scene, report.dt, self.sound_speed, link, nearest)
+        index = int(self._fluid.id[place])
+        return Report(report.n_substeps, report.dt, True, cause, link, index)
 
     # --- evaluation -------------------------------------------------------------------------
 
@@ -394,7 +299,12 @@ class Simulation:
 
     def _nearest(self) -> tuple[Array, NDArray[np.int32]]:
         return diagnostics.nearest_and_count(
-            self._fluid, self._start, self._grid, self._constants.h2
+            self._fluid,
+            self._start,
+            self._walls,
+            self._wall_start,
+            self._grid,
+            self._h2,
         )
 
     # --- what users read --------------------------------------------------------------------
@@ -452,7 +362,7 @@ class Simulation:
 
     @property
     def neighbor_counts(self) -> NDArray[np.int32]:
-        """(n_fluid,) how many fluid particles each one has within its support radius."""
+        """(n_fluid,) how many others, wall particles included, are within the support radius."""
         counts = np.zeros(self.n_fluid, np.int32)
         counts[self._fluid.id] = self._nearest()[1]
         return counts
@@ -532,5 +442,5 @@ class Simulation:
         self._fluid, self.time, self._controls = fluid, time, check_controls(controls)
         self._ledger.set_state(numbers)
         self._totals = totals
-        self._model = self._make_model()
+        self._model = make_model(self.scene, self._controls, self._float)
         self._evaluate_density()

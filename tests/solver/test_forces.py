@@ -15,6 +15,7 @@ from tests.cases import (
     WATER,
     WIDTH,
     assert_close,
+    clouds,
     fluid,
     scene,
     simulation,
@@ -30,10 +31,8 @@ SINGLE = [
     for name in ("none", "everything", "everything, wendland", "everything, linear")
 ]
 configurations = pytest.mark.parametrize(("configuration", "dtype"), PRECISE + SINGLE)
-clouds = pytest.mark.parametrize("cloud", CLOUDS)
 
 
-@pytest.mark.without_jit
 @clouds
 @configurations
 def test_fields_are_those_of_the_naive_solver(configuration, dtype, cloud):
@@ -139,7 +138,7 @@ def test_forces_between_particles_add_up_to_nothing(configuration, cloud):
     assert_close(a.sum(axis=0), np.zeros(2), 1e-13, at_least=np.abs(a).sum())
 
 
-@clouds
+@pytest.mark.parametrize("cloud", CLOUDS)
 @pytest.mark.parametrize("configuration", PAIR_EFFECTS)
 def test_momentum_and_the_motion_of_the_centre_are_conserved(configuration, cloud):
     sim = simulation(configuration, cloud)
@@ -215,7 +214,6 @@ def test_reflection_reflects_the_result():
     assert_close(mirrored.a, sim.a * mirror, 1e-12)
 
 
-@pytest.mark.without_jit
 @pytest.mark.parametrize("configuration", ["open space", "everything"])
 def test_permuting_the_particles_permutes_the_result(configuration):
     order = np.random.default_rng(1).permutation(len(X))

@@ -16,11 +16,11 @@ from sph_gym.solver.neighbors import (
 )
 from sph_gym.solver.state import allocate_particles, empty_like
 from tests.cases import (
-    CLOUDS,
     DX,
     DYNAMIC_PRESSURE,
     STIFFNESS,
     assert_close,
+    clouds,
     fluid,
     scene,
     simulation,
@@ -68,8 +68,7 @@ def test_grid_is_brute_force(configuration, x):
     assert_equal(*in_both_ways(configuration, x))
 
 
-@pytest.mark.without_jit
-@pytest.mark.parametrize("cloud", CLOUDS)
+@clouds
 def test_grid_is_brute_force_on_clouds_with_strays(cloud):
     strays = [(FAR, 0.0), (FAR, H / 2), (-FAR, -FAR)]
     where = scene(cloud=cloud)
@@ -106,8 +105,7 @@ def sorted_by_cells(x):
     return grid, start, target
 
 
-@pytest.mark.without_jit
-@pytest.mark.parametrize("cloud", CLOUDS)
+@clouds
 def test_sort_keeps_every_particle_whole_and_in_its_cell(cloud):
     x = np.concatenate([scene(cloud=cloud).x, [(FAR, -FAR)]])
     grid, start, target = sorted_by_cells(x)

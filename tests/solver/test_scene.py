@@ -18,8 +18,6 @@ from sph_gym import (
 )
 from tests.cases import WATER, scene
 
-pytestmark = pytest.mark.without_jit
-
 NO_NUMBER = ["fast", None, [1.0], math.nan, math.inf, 1j]
 NOT_POSITIVE = [*NO_NUMBER, 0.0, -1.0]
 NOT_FROM_ZERO = [*NO_NUMBER, -1e-9]

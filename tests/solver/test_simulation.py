@@ -215,7 +215,6 @@ def test_the_scene_is_not_touched_by_its_simulation():
     assert (start.v == v).all()
 
 
-@pytest.mark.without_jit
 def test_reading_changes_nothing():
     read, unread = simulation("everything"), simulation("everything")
     for _ in range(3):
@@ -244,7 +243,6 @@ def test_fields_belong_to_the_present_positions():
 # --- Repeatability --------------------------------------------------------------------------
 
 
-@pytest.mark.without_jit
 @pytest.mark.parametrize(
     ("dtype", "neighbors"), [("float64", "grid"), ("float32", "grid"), ("float64", "brute")]
 )

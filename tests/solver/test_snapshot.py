@@ -19,7 +19,6 @@ def go_on(sim):
     return sim
 
 
-@pytest.mark.without_jit
 @pytest.mark.parametrize("detour", ["none", "controls", "time", "pickle", "looks", "blow-up"])
 @pytest.mark.parametrize(
     ("dtype", "neighbors"), [("float64", "grid"), ("float32", "grid"), ("float64", "brute")]
@@ -56,6 +55,7 @@ def test_going_on_from_a_snapshot_is_bit_exact(detour, dtype, neighbors):
         assert each.diagnostics() == original.diagnostics()
 
 
+@pytest.mark.without_jit
 def test_a_snapshot_is_a_copy():
     sim = simulation("everything")
     snapshot, x = sim.snapshot(), sim.x

@@ -7,15 +7,14 @@ import pytest
 
 from sph_gym import Effects, Fluid, Gravity, Simulation
 from sph_gym.solver.stepping import stable_dt
-from tests.cases import C0, CLOUDS, DX, assert_close, fluid, scene, simulation
+from tests.cases import C0, CLOUDS, DX, assert_close, clouds, fluid, scene, simulation
 from tests.naive import Naive
-from tests.solver.test_forces import TOLERANCE, clouds, configurations
+from tests.solver.test_forces import TOLERANCE, configurations
 
-# dx / c, long enough for the fast clouds to reach the box
+# half of dx / c0, long enough for the fast clouds to reach the box
 DT = 1e-3
 
 
-@pytest.mark.without_jit
 @clouds
 @configurations
 def test_one_step_is_that_of_the_naive_solver(configuration, dtype, cloud):

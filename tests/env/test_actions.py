@@ -1,0 +1,75 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sph_gym import scenes
+from sph_gym.env import actions
+
+SCENE = scenes.make("dam_break", dx=0.1)
+COORDINATE = st.floats(-1, 1)
+
+
+@given(st.tuples(COORDINATE, COORDINATE, COORDINATE))
+def test_decoding_and_encoding_are_inverse(coordinates):
+    there = actions.decode(SCENE, np.array(coordinates))
+    assert actions.encode(SCENE, there) == pytest.approx(coordinates, abs=1e-9)
+
+
+def test_plus_one_is_the_larger_of_the_documented_ranges():
+    high = actions.decode(SCENE, np.ones(3))
+    c = SCENE.fluid.sound_speed(high.stiffness)
+    assert c == pytest.approx(actions.SOUND[1] * SCENE.fluid.c0)
+    assert high.dt * c / SCENE.h == pytest.approx(actions.COURANT[1])
+    assert high.xsph == actions.XSPH[1]
+    low = actions.decode(SCENE, -np.ones(3))
+    assert low.stiffness < high.stiffness
+    assert low.xsph == 0.0
+
+
+def test_dt_follows_the_stiffness_at_the_same_multiple():
+    soft = actions.decode(SCENE, np.array([0.3, -1.0, 0.0]))
+    stiff = actions.decode(SCENE, np.array([0.3, 1.0, 0.0]))
+    ratio = math.sqrt(stiff.stiffness / soft.stiffness)
+    assert soft.dt / stiff.dt == pytest.approx(ratio)
+
+
+@pytest.mark.parametrize("mode", actions.MODES)
+def test_toward_gets_there_in_the_end(mode):
+    kind = actions.make(mode)
+    wanted, present = np.array([0.5, -0.75, 1.0]), np.zeros(3)
+    for _ in range(10):
+        action = kind.toward(wanted, present)
+        assert kind.space().contains(action)
+        present = kind.act(action, present)
+    assert present == pytest.approx(wanted, abs=1e-6)
+
+
+def test_the_middle_discrete_action_changes_nothing():
+    present = np.array([0.1, -0.2, 0.3])
+    assert np.array_equal(actions.make("discrete").act(13, present), present)
+
+
+@pytest.mark.parametrize(
+    ("mode", "action"),
+    [
+        ("absolute", [np.nan, 0, 0]),
+        ("absolute", [0, 0]),
+        ("absolute", [1.5, 0, 0]),
+        ("absolute", [np.inf, 0, 0]),
+        ("delta", [0, 0, -1.01]),
+        ("discrete", 27),
+        ("discrete", -1),
+        ("discrete", 1.5),
+    ],
+)
+def test_wrong_actions_are_refused(mode, action):
+    with pytest.raises(ValueError, match="action: expected"):
+        actions.make(mode).act(action, np.zeros(3))
+
+
+def test_an_unknown_mode_is_refused():
+    with pytest.raises(ValueError, match="action_mode: expected one of absolute, delta"):
+        actions.make("relative")

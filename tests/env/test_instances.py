@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+
+from sph_gym import scenes
+from sph_gym.env import instances
+
+
+@pytest.mark.parametrize("scene", scenes.names())
+@pytest.mark.parametrize("split", instances.SIZES)
+def test_every_instance_makes_a_scene(scene, split):
+    for number in range(instances.SIZES[split]):
+        made = instances.instance(scene, split, number)
+        assert made.id == f"{scene}/{split}/{number}"
+        assert len(np.asarray(made.build().x)) > 50
+
+
+def test_an_id_always_means_the_same_flow():
+    assert instances.parse("drop_impact/train/7") == instances.instance("drop_impact", "train", 7)
+
+
+def test_splits_and_numbers_differ():
+    drawn = [
+        instances.instance("dam_break", s, k) for s in ("train", "val", "test") for k in (0, 1)
+    ]
+    assert len({tuple(sorted(made.arguments.items())) for made in drawn}) == len(drawn)
+
+
+def test_dam_breaks_vary_in_size_ratio_and_gravity():
+    drawn = [instances.instance("dam_break", "train", k).arguments for k in range(64)]
+    ratios = [made["height"] / made["width"] for made in drawn]
+    assert np.ptp([made["width"] for made in drawn]) > 0.1
+    assert np.ptp(ratios) > 1.0
+    assert np.ptp([made["gravity"] for made in drawn]) > 8.0
+
+
+@pytest.mark.parametrize(
+    "id_", ["dam_break/train/64", "dam_break/train", "dam_break/future/0", "lake/train/0", "", None]
+)
+def test_ids_that_do_not_exist_are_refused(id_):
+    with pytest.raises(ValueError, match="expected"):
+        instances.parse(id_)

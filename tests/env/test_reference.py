@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+
+from sph_gym import scenes
+from sph_gym.env import reference as module
+from sph_gym.env.reference import n_frames, reference
+
+SCENE = scenes.make("relaxation", dx=0.1)
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "cache_home", lambda: tmp_path)
+    module._load_or_compute.cache_clear()
+    yield tmp_path / "references"
+    module._load_or_compute.cache_clear()
+
+
+def equal(a, b):
+    return all(
+        np.array_equal(left, right)
+        for one, other in zip((a.fine, *a.twins), (b.fine, *b.twins), strict=True)
+        for left, right in zip(one, other, strict=True)
+    )
+
+
+def test_it_covers_every_frame_and_is_kept_on_disk(store, monkeypatch):
+    first = reference(SCENE)
+    assert len(first.fine.kinetic) == n_frames(SCENE) + 1
+    assert first.cfl_substeps >= 1
+    module._load_or_compute.cache_clear()
+    monkeypatch.setattr(module, "_compute", lambda scene: pytest.fail("computed twice"))
+    assert equal(reference(SCENE), first)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip file", b"PK\x03\x04 torn"])
+@pytest.mark.filterwarnings("ignore:.*is damaged")
+def test_a_damaged_file_is_rebuilt(store, content):
+    first = reference(SCENE)
+    (file,) = store.glob("*.npz")
+    file.write_bytes(content)
+    module._load_or_compute.cache_clear()
+    assert equal(reference(SCENE), first)
+    assert file.stat().st_size > 100
+
+
+def test_a_folder_that_cannot_be_written_only_warns(tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    monkeypatch.setattr(module, "cache_home", lambda: blocked)
+    module._load_or_compute.cache_clear()
+    with pytest.warns(UserWarning, match="can't be kept"):
+        reference(SCENE)
+
+
+def test_the_key_knows_every_part_of_the_scene():
+    others = [
+        scenes.make("relaxation", dx=0.1, jitter=0.06),
+        scenes.make("relaxation", dx=0.1, seed=1),
+        scenes.make("dam_break", dx=0.1),
+        scenes.make("dam_break", dx=0.1, tank=6.0),
+        scenes.make("dam_break", dx=0.1, gravity=5.0),
+    ]
+    keys = {module._key(scene) for scene in [SCENE, *others]}
+    assert len(keys) == len(others) + 1

@@ -1,0 +1,226 @@
+import copy
+import pickle
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+
+import sph_gym
+from sph_gym import scenes
+from sph_gym.env import env_id, rewards, scene_of
+
+IDS = [env_id(scene) for scene in scenes.names()]
+FLOATS = [
+    "time", "dt", "stiffness", "xsph", "n_substeps", "work", "density_error", "clumping",
+    "fidelity_error", "blowup", "reward_density", "reward_clumping", "reward_fidelity",
+    "reward_work", "reward_blowup",
+]  # fmt: skip
+COARSE = {"dx": 0.08}
+MUSH = np.array([1.0, -1.0, 0.0], np.float32)
+GENTLE = np.array([-0.3, -0.2, 0.0], np.float32)
+
+
+@pytest.fixture
+def env():
+    made = gym.make("sph_gym/DamBreak-v0", **COARSE).unwrapped
+    yield made
+    made.close()
+
+
+def rollout(env, seed, n_steps=30):
+    env.action_space.seed(seed)
+    observation, info = env.reset(seed=seed)
+    trace = [(observation, 0.0, info)]
+    for _ in range(n_steps):
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        trace.append((observation, reward, info))
+        if terminated or truncated:
+            break
+    return trace
+
+
+@pytest.mark.parametrize("id_", IDS)
+@pytest.mark.parametrize(
+    "arguments",
+    [{}, {"instances": "train", "action_mode": "delta"}, {"action_mode": "discrete"}],
+    ids=str,
+)
+def test_gymnasium_and_sb3_have_no_complaints(id_, arguments):
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    env = gym.make(id_, **COARSE, **arguments).unwrapped
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env, skip_render_check=True)
+        sb3.check_env(env)
+
+
+def test_render_modes_pass_the_checker(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = gym.make("sph_gym/DamBreak-v0", render_mode="rgb_array", **COARSE).unwrapped
+    check_env(env)
+
+
+@pytest.mark.parametrize("id_", IDS)
+def test_rollouts_are_equal_to_the_last_bit(id_):
+    first, second = (rollout(gym.make(id_, **COARSE).unwrapped, seed=3) for _ in range(2))
+    assert len(first) == len(second)
+    for (one, reward, info), (other, same_reward, same_info) in zip(first, second, strict=True):
+        assert np.array_equal(one, other)
+        assert reward == same_reward
+        assert info == same_info
+
+
+@pytest.mark.parametrize("id_", IDS)
+def test_observations_stay_in_their_space_whatever_is_done(id_):
+    env = gym.make(id_, instances="train", **COARSE).unwrapped
+    rng = np.random.default_rng(0)
+    for seed in range(3):
+        env.reset(seed=seed)
+        over = False
+        while not over:
+            action = rng.choice([-1.0, 0.0, 1.0], 3).astype(np.float32)
+            observation, reward, terminated, truncated, info = env.step(action)
+            assert env.observation_space.contains(observation)
+            assert np.isfinite(reward)
+            assert all(np.isfinite(info[name]) for name in FLOATS)
+            over = terminated or truncated
+
+
+def test_info_is_flat_and_the_terms_sum_to_the_reward(env):
+    for _, reward, info in rollout(env, 0):
+        assert sorted(info) == sorted([*FLOATS, "instance_id", "blowup_cause"])
+        assert all(type(info[name]) is float for name in FLOATS)
+        assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in rewards.TERMS))
+
+
+def test_an_episode_is_truncated_after_its_duration(env):
+    env.reset(seed=0)
+    truncated = terminated = False
+    steps = 0
+    while not (truncated or terminated):
+        *_, terminated, truncated, info = env.step(GENTLE)
+        steps += 1
+    assert truncated
+    assert not terminated
+    assert steps == env.n_steps == round(env.sim.scene.duration / env.sim.scene.frame)
+    assert info["time"] == pytest.approx(env.n_steps * env.sim.scene.frame)
+    with pytest.raises(ResetNeeded):
+        env.step(GENTLE)
+
+
+def test_a_blowup_terminates_with_the_worst_for_all_that_is_left():
+    env = gym.make("sph_gym/HydrostaticTank-v0").unwrapped
+    env.reset(seed=0)
+    total, steps, terminated = 0.0, 0, False
+    while not terminated:
+        observation, reward, terminated, truncated, info = env.step(MUSH)
+        total, steps = total + reward, steps + 1
+        assert not truncated
+    assert info["blowup"] == 1.0
+    assert info["blowup_cause"] in {"cfl", "stiffness", "clumping", "tunnelling", "energy", "nan"}
+    assert info["reward_blowup"] == -rewards.WORST * (env.n_steps - steps + 1)
+    assert env.observation_space.contains(observation)
+    assert total < -rewards.WORST * (env.n_steps - steps)
+
+
+def test_the_environments_generator_draws_the_instance(env):
+    env = gym.make("sph_gym/Relaxation-v0", instances="train", **COARSE).unwrapped
+    drawn = []
+    env.reset(seed=5)
+    for _ in range(4):
+        drawn.append(env.instance_id)
+        env.reset()
+    env.reset(seed=5)
+    assert env.instance_id == drawn[0]
+    assert len(set(drawn)) > 1
+
+
+def test_options_choose_the_instance(env):
+    _, info = env.reset(options={"instance": "dam_break/val/3"})
+    assert info["instance_id"] == "dam_break/val/3"
+    with pytest.raises(ValueError, match="instance"):
+        env.reset(options={"instance": "dam_break/val/300"})
+
+
+@pytest.mark.parametrize("action", [[np.nan] * 3, [2.0, 0, 0], [0.0], "fast", None])
+def test_wrong_actions_are_refused_and_nothing_moves(env, action):
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="action: expected"):
+        env.step(action)
+    assert env.sim.time == 0.0
+
+
+def test_step_and_render_before_reset_are_refused():
+    env = gym.make("sph_gym/DamBreak-v0", render_mode="rgb_array", **COARSE).unwrapped
+    with pytest.raises(ResetNeeded):
+        env.step(GENTLE)
+    with pytest.raises(ResetNeeded):
+        env.render()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"dx": -1.0}, {"dx": "fine"}, {"instances": "exam"}, {"action_mode": "x"},
+        {"on_blowup": "ignore"}, {"observation": "all"}, {"render_mode": "film"},
+        {"reward_weights": {"luck": 1.0}}, {"scene": "lake"},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_wrong_arguments_are_refused(arguments):
+    (name,) = arguments
+    with pytest.raises(ValueError, match=name):
+        sph_gym.TuningEnv(**({"scene": "dam_break"} | arguments))
+
+
+def test_weights_scale_their_terms():
+    env = gym.make("sph_gym/DamBreak-v0", reward_weights={"work": 2.0}, **COARSE).unwrapped
+    plain = gym.make("sph_gym/DamBreak-v0", **COARSE).unwrapped
+    for one in (env, plain):
+        one.reset(seed=0)
+    reward, same = env.step(GENTLE)[1], plain.step(GENTLE)[1]
+    assert same > 0
+    assert reward == pytest.approx(2 * same)
+
+
+def test_a_scene_of_the_users_own():
+    scene = scenes.make("drop_impact", dx=0.06)
+    env = gym.make("sph_gym/Custom-v0", scene=scene).unwrapped
+    _, info = env.reset(seed=0)
+    assert info["instance_id"] == "drop_impact/custom/0"
+    env.step(GENTLE)
+    with pytest.raises(ValueError, match="instances"):
+        gym.make("sph_gym/Custom-v0", scene=scene, instances="train")
+
+
+def test_pickle_and_deepcopy_go_on_alike(env):
+    env.reset(seed=0)
+    env.step(GENTLE)
+    for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        ours = copy.deepcopy(env).step(GENTLE)
+        theirs = twin.step(GENTLE)
+        assert np.array_equal(ours[0], theirs[0])
+        assert ours[1:] == theirs[1:]
+
+
+def test_work_is_counted_in_substeps_of_the_tuned_rule(env):
+    env.reset(seed=0)
+    info = env.step(GENTLE)[4]
+    assert info["work"] == info["n_substeps"] / env._reference.cfl_substeps
+
+
+def test_ids_and_scenes_name_each_other():
+    assert [scene_of(id_) for id_ in IDS] == scenes.names()
+    with pytest.raises(ValueError, match="DamBreak"):
+        scene_of("sph_gym/Lake-v0")
+
+
+def test_vector_environments_draw_and_agree_with_single_ones():
+    envs = gym.make_vec("sph_gym/Relaxation-v0", num_envs=2, vectorization_mode="sync", **COARSE)
+    observations, _ = envs.reset(seed=7)
+    for k in range(2):
+        single, _ = gym.make("sph_gym/Relaxation-v0", **COARSE).reset(seed=7 + k)
+        assert np.array_equal(observations[k], single)

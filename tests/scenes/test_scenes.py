@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from sph_gym import Simulation, scenes
+from sph_gym.scenes.reference import read
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_every_scene_starts_at_rest_density(name):
+    sim = Simulation(scenes.make(name))
+    rho = sim.rho[: sim.n_fluid] / sim.scene.fluid.rho0
+    assert rho.max() < 1.2
+    if name != "relaxation":
+        assert np.isclose(np.median(rho), 1.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_every_scene_takes_dx(name):
+    coarse, fine = (scenes.make(name, dx=dx) for dx in (0.06, 0.03))
+    ratio = len(np.asarray(fine.x)) / len(np.asarray(coarse.x))
+    assert 2.5 < ratio < 6
+
+
+@pytest.mark.parametrize("dx", [0.02, 0.023, 0.031, 0.05])
+def test_lattices_and_walls_stay_in_step_at_any_spacing(dx):
+    sim = Simulation(scenes.make("hydrostatic_tank", dx=dx))
+    below_surface = sim.x[: sim.n_fluid, 1] < 0.3
+    rho = sim.rho[: sim.n_fluid][below_surface]
+    assert np.allclose(rho, sim.scene.fluid.rho0, rtol=1e-9)
+
+
+def test_only_what_a_scene_names_is_there():
+    relaxation = scenes.make("relaxation")
+    assert relaxation.effects.gravity is None
+    assert relaxation.walls is None
+    assert not relaxation.effects.xsph
+
+
+def test_the_measured_front_is_shipped_whole():
+    table = read("martin_moyce_1952_front_n2_2.csv")
+    assert table.shape == (15, 2)
+    assert np.all(np.diff(table, axis=0) > 0)
+    assert tuple(table[0]) == (0.41, 1.11)
+
+
+def test_unknown_names_and_arguments_are_listed():
+    with pytest.raises(ValueError, match="dam_break, drop_impact"):
+        scenes.make("lake")
+    with pytest.raises(ValueError, match="dx, width, height"):
+        scenes.make("dam_break", depth=1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("dam_break", {"dx": 0.0}),
+        ("dam_break", {"dx": np.nan}),
+        ("dam_break", {"width": 0.01}),
+        ("dam_break", {"gravity": -9.81}),
+        ("dam_break", {"tank": 0.5}),
+        ("drop_impact", {"diameter": 2.0}),
+        ("drop_impact", {"pool_depth": 0.0}),
+        ("hydrostatic_tank", {"ramp": -1.0}),
+        ("relaxation", {"jitter": -0.1}),
+        ("relaxation", {"diameter": 0.0}),
+    ],
+)
+def test_wrong_values_are_named(name, arguments):
+    (argument,) = arguments
+    with pytest.raises(ValueError, match=f"{argument}: expected"):
+        scenes.make(name, **arguments)

@@ -1,6 +1,5 @@
 """The main job: all agents on the same instances and seeds, and a report of how they did."""
 
-import itertools
 import platform
 import sys
 from dataclasses import dataclass, field
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import imageio.v3 as imageio
 import numba
 import numpy as np
 import pandas as pd
@@ -122,11 +122,18 @@ def record(
     return episodes, pictures
 
 
-def animate(pictures: list[list[NDArray[np.uint8]]], path: Path) -> None:
-    """All agents side by side; one that blew up stays on its last picture."""
+def animate(pictures: list[list[NDArray[np.uint8]]], folder: Path) -> None:
+    """All agents side by side, as a film and as a still from a third into it.
+
+    One that blew up stays on its last picture.
+    """
     length = max(map(len, pictures))
-    frames = (side_by_side([own[min(k, len(own) - 1)] for own in pictures]) for k in range(length))
-    write_video(path, itertools.chain(frames), FRAMES_PER_SECOND)
+
+    def at(k: int) -> NDArray[np.uint8]:
+        return side_by_side([own[min(k, len(own) - 1)] for own in pictures])
+
+    write_video(folder / "side_by_side.mp4", map(at, range(length)), FRAMES_PER_SECOND)
+    imageio.imwrite(folder / "side_by_side.png", at(length // 3))
 
 
 def compare(args: Args) -> Path:
@@ -143,7 +150,7 @@ def compare(args: Args) -> Path:
     scene = parse(instances[0]).build()
     nominal = scene.fluid.stiffness(scene.fluid.c0)
     plots.plot_controls(episodes, args.output / "controls.png", nominal)
-    animate(pictures, args.output / "side_by_side.mp4")
+    animate(pictures, args.output)
     page = report.write_report(args.output, _context(args, chosen, summary, instances))
     print_table(readable(summary), f"{args.scene}: {len(instances)} unseen instances")
     print("mean ± half of the 95 % bootstrap interval over instances; best return first")

@@ -4,11 +4,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
 import pandas as pd
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
@@ -135,7 +136,7 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
 
 def readable(summary: pd.DataFrame) -> pd.DataFrame:
     """The summary as text: mean ± half the 95 % interval, under headings with units."""
-    table = pd.DataFrame({"agent": summary["agent"], "runs": summary["runs"].astype(str)})
+    table = pd.DataFrame({"agent": summary["agent"]})
     for measure, heading in MEASURES.items():
         digits = 1 if measure in PERCENT else 2
         table[heading] = [
@@ -148,9 +149,10 @@ def readable(summary: pd.DataFrame) -> pd.DataFrame:
 
 def print_table(table: pd.DataFrame, title: str) -> None:
     """Print a table of text to the terminal."""
-    grid = Table(title=title, header_style="bold")
+    grid = Table(title=title, header_style="bold", box=SIMPLE, pad_edge=False)
     for column in table.columns:
-        grid.add_column(column, justify="left" if column == "agent" else "right")
+        side: Literal["left", "right"] = "left" if column == "agent" else "right"
+        grid.add_column(column, justify=side, overflow="fold")
     for row in table.itertuples(index=False):
         grid.add_row(*map(str, row))
     Console().print(grid)

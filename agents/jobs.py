@@ -79,16 +79,21 @@ def _read(path: Path) -> dict[str, Row]:
     """Finished rows of this code version, by the name of their key."""
     if not path.exists():
         return {}
-    try:
-        text = {"code": str, "key": str}
-        table = pd.read_csv(path, dtype=text, on_bad_lines="skip", float_precision="round_trip")
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError):
-        return {}
-    if not {"code", "key"} <= set(table.columns):
-        return {}
+    with path.open(newline="", errors="replace") as file:
+        lines = list(csv.DictReader(line.replace("\0", "") for line in file))
     # a line that was torn by a kill has no code version at its end
-    current = table[table["code"] == code_version()]
-    return {str(row["key"]): row for row in current.to_dict("records")}
+    current = (line for line in lines if line.get("code") == code_version() and "key" in line)
+    return {line["key"]: {k: _value(text) for k, text in line.items()} for line in current}
+
+
+def _value(text: str) -> int | float | str:
+    """A cell as what it was before it was written; repr of a float is exact."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
 
 
 def _write(path: Path, rows: list[Row]) -> None:

@@ -88,6 +88,17 @@ def test_commensurate_lattices_lose_no_pair(h_over_dx, dtype, origin):
     assert_close(grid.rho, brute.rho, {"float64": 1e-14, "float32": 1e-6}[dtype])
 
 
+@pytest.mark.without_jit
+def test_nobody_at_the_edge_of_the_support_is_lost():
+    rng = np.random.default_rng(0)
+    here = 4.0 * H * np.stack(np.mgrid[:14, :14], axis=-1).reshape(-1, 2)
+    here = here + rng.uniform(0.0, H / 2, here.shape)
+    angle = rng.uniform(0.0, 2 * np.pi, len(here))
+    there = here + (1 - 1e-9) * H * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    sim = simulation("none", x=np.concatenate([here, there]), v=None)
+    assert (sim.neighbor_counts == 1).all()
+
+
 def test_neighbor_counts_leave_the_particle_itself_out():
     sim = simulation("none", x=[(0.0, 0.0), (0.5 * H, 0.0), (0.0, 0.0), (9.0, 9.0)], v=None)
     assert sim.neighbor_counts.tolist() == [2, 2, 2, 0]

@@ -1,0 +1,104 @@
+"""The main job in its shortest form, and the pieces that it is made of."""
+
+import gymnasium as gym
+import numpy as np
+import pandas as pd
+import pytest
+
+from agents import compare, evaluate, grid_search
+from agents.policies import NAMES, TRAINED, Spec, build, trained_network
+from sph_gym.controllers import Network
+from sph_gym.env import env_id
+
+RULES = ("random", "default", "cfl", "tuned_cfl")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("compare")
+    arguments = compare.Args(
+        agents=("random", "tuned_cfl", "grid_search", "ppo"),
+        n_instances=2,
+        n_search=1,
+        grid=(1, 2, 1),
+        output=path,
+    )
+    compare.compare(arguments)
+    return path
+
+
+def test_the_folder_holds_all_that_is_promised(folder):
+    names = {file.name for file in folder.iterdir()}
+    assert {
+        "report.html", "table.csv", "table.md", "runs.csv", "returns.png", "controls.png",
+        "cost_against_error.png", "reward_terms.png", "side_by_side.mp4", "side_by_side.png",
+    } <= names  # fmt: skip
+
+
+def test_every_agent_met_the_same_instances_and_seeds(folder):
+    runs = pd.read_csv(folder / "runs.csv")
+    met = runs.groupby("agent")[["instance", "seed"]].agg(list)
+    assert len(met) == 4
+    assert all(sorted(row) == sorted(met["instance"].iloc[0]) for row in met["instance"])
+
+
+def test_reported_returns_are_the_sum_of_their_terms(folder):
+    runs = pd.read_csv(folder / "runs.csv")
+    terms = runs[[name for name in runs.columns if name.startswith("reward_")]].sum(axis=1)
+    assert np.allclose(runs["return"], terms)
+
+
+def test_the_shipped_policy_beats_the_tuned_rule_and_dice_are_last(folder):
+    table = pd.read_csv(folder / "table.csv").set_index("agent")["return"]
+    assert table["ppo"] > table["tuned_cfl"] > table["random"]
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_rules_act_within_the_space(name):
+    env = gym.make(env_id("relaxation"), dx=0.08)
+    observation, _ = env.reset(seed=0)
+    assert env.action_space.contains(build(Spec(name), 0)(env, observation))
+
+
+def test_dice_are_thrown_by_their_seed():
+    env = gym.make(env_id("relaxation"), dx=0.08)
+    observation, _ = env.reset(seed=0)
+    thrown = [build(Spec("random"), seed)(env, observation) for seed in (1, 1, 2)]
+    assert np.array_equal(thrown[0], thrown[1])
+    assert not np.array_equal(thrown[0], thrown[2])
+
+
+def test_every_shipped_network_loads_and_fits():
+    shipped = sorted(TRAINED.glob("*.npz"))
+    assert trained_network("ppo", "dam_break") in shipped
+    for path in shipped:
+        action = Network.load(path)(np.zeros(20, np.float32))
+        assert action.shape == (3,)
+
+
+@pytest.mark.parametrize("spec", [Spec("nobody"), Spec("grid_search"), Spec("ppo")])
+def test_incomplete_specs_are_refused(spec):
+    with pytest.raises(ValueError, match=", ".join(NAMES)):
+        build(spec, 0)
+
+
+def test_unknown_agents_and_instances_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="'nobody'"):
+        compare.specs(compare.Args(agents=("nobody",), output=tmp_path))
+    with pytest.raises(ValueError, match="expected 1 to 32"):
+        evaluate.instance_ids("dam_break", "test", 33)
+    with pytest.raises(ValueError, match="exam"):
+        evaluate.instance_ids("dam_break", "exam", 1)
+
+
+def test_the_best_setting_comes_first():
+    table = pd.DataFrame({"courant": [0.5], "sound": [0.4], "xsph": [0.3], "return": [0.6]})
+    assert grid_search.best(table) == Spec("grid_search", (0.5, 0.4, 0.3))
+
+
+def test_intervals_hold_the_mean():
+    values = np.random.default_rng(0).normal(size=40)
+    mean, low, high = evaluate.interval(values)
+    assert low < mean < high
+    assert high - low == pytest.approx(2 * 1.96 * values.std() / np.sqrt(40), rel=0.2)
+    assert evaluate.interval(np.ones(5)) == (1.0, 1.0, 1.0)

@@ -91,7 +91,7 @@ def _value(text: str) -> int | float | str:
     for kind in (int, float):
         try:
             return kind(text)
-        except ValueError:
+        except (TypeError, ValueError):
             continue
     return text
 

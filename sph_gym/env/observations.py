@@ -114,12 +114,13 @@ class Features:
     U is the scene's velocity scale c0 / 10, its size the square root of the fluid's area.
     """
 
+    def __init__(self) -> None:
+        low, high = ([getattr(feature, side) for feature in FEATURES] for side in ("low", "high"))
+        self._low, self._high = np.array(low, np.float32), np.array(high, np.float32)
+
     def space(self) -> spaces.Box:
         """Box((20,), float32)."""
-        low, high = (
-            np.array([getattr(f, b) for f in FEATURES], np.float32) for b in ("low", "high")
-        )
-        return spaces.Box(low, high, dtype=np.float32)
+        return spaces.Box(self._low, self._high, dtype=np.float32)
 
     def look(self, sim: Simulation) -> dict[str, float]:
         """The diagnostics and what the features need besides."""
@@ -141,7 +142,7 @@ class Features:
         """The vector for the present state."""
         scene, n = sim.scene, sim.n_fluid
         acceleration, rho = sim.a[:n], sim.rho[:n]
-        g = scene.effects.gravity.at(sim.time) if scene.effects.gravity is not None else np.zeros(2)  # type: ignore[union-attr]
+        g = scene.effects.gravity_at(sim.time)
         pull = float(np.hypot(*g))
         adrift = np.hypot(*(acceleration - g).T) < 0.1 * pull
         limit = 0.25 * math.sqrt(scene.h / max(now["max_acceleration"], 1e-12))
@@ -159,5 +160,4 @@ class Features:
             force_limit=limit * sim.sound_speed / (0.4 * scene.h),
         )
         values = np.array([feature.value(glance) for feature in FEATURES], np.float32)
-        space = self.space()
-        return np.clip(values, space.low, space.high)
+        return np.clip(values, self._low, self._high)

@@ -23,9 +23,9 @@ def particle_mass(scene: Scene) -> float:
     return calibrated_mass(KERNELS[scene.fluid.kernel](scene.h), scene.fluid.rho0, scene.dx)
 
 
-def make_model(scene: Scene, controls: Controls, number: Any) -> Model:
+def make_model(scene: Scene, controls: Controls, mass: float, number: Any) -> Model:
     """What doesn't change within a call, in the precision `number` (np.float64 or np.float32)."""
-    kernel, mass, fluid = KERNELS[scene.fluid.kernel](scene.h), particle_mass(scene), scene.fluid
+    kernel, fluid = KERNELS[scene.fluid.kernel](scene.h), scene.fluid
     constants = Constants(
         number(scene.h**2),
         number(0.01 * scene.h**2),

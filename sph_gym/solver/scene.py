@@ -103,6 +103,10 @@ class Effects:
             if value is not None:
                 in_range(f"effects.{name}", value, 0.0)
 
+    def gravity_at(self, time: float) -> NDArray[np.float64]:
+        """The vector of gravity [m/s^2] at a time [s]; zero where there is none."""
+        return self.gravity.at(time) if isinstance(self.gravity, Gravity) else np.zeros(2)
+
 
 def check_controls(controls: Controls) -> Controls:
     """The three numbers as floats; ValueError for dt or stiffness <= 0 and for xsph < 0."""

@@ -71,7 +71,7 @@ class Simulation:
         self._fluid = allocate_particles(scene.x, scene.v, self._float)  # type: ignore[arg-type]
         self._spare = empty_like(self._fluid)
         self._controls = self._initial_controls()
-        self._model = make_model(scene, self._controls, self._float)
+        self._model = make_model(scene, self._controls, self.mass, self._float)
         self._make_walls()
         self._ax, self._ay = np.zeros_like(self._fluid.x), np.zeros_like(self._fluid.x)
         self.last_report = Report(0, self._controls.dt)
@@ -136,7 +136,7 @@ class Simulation:
         before, self._controls = self._controls, check_controls(controls)
         if self._controls[1:] == before[1:]:
             return
-        self._model = make_model(self.scene, self._controls, self._float)
+        self._model = make_model(self.scene, self._controls, self.mass, self._float)
         if self._controls.stiffness != before.stiffness:
             # densities stay, pressures and the stored energy follow the stiffness
             self._evaluate_density()
@@ -217,11 +217,10 @@ class Simulation:
     def _audit(self, report: Report, began: float) -> Report:
         """Book the energy of this call; more of it than there can be is a blow-up."""
         before, self._totals = self._totals, self._sum()
-        gravity = self.scene.effects.gravity
-        if isinstance(gravity, Gravity):
-            moved = np.subtract(self._totals[2:4], before[2:4])
-            mean = (gravity.at(began) + gravity.at(self.time)) / 2
-            self._ledger.add_gravity(self.mass * self.n_fluid * float(mean @ moved))
+        effects = self.scene.effects
+        moved = np.subtract(self._totals[2:4], before[2:4])
+        mean = (effects.gravity_at(began) + effects.gravity_at(self.time)) / 2
+        self._ledger.add_gravity(self.mass * self.n_fluid * float(mean @ moved))
         excess = self._ledger.excess(self._totals)
         if np.isfinite(excess) and excess <= self._ledger.TOLERANCE:
             return report
@@ -383,8 +382,7 @@ class Simulation:
         totals, scene = self._sum(), self.scene
         nearest, counts = self._nearest()
         spacing = np.sqrt(nearest) / scene.dx
-        gravity = scene.effects.gravity
-        g = gravity.at(self.time) if isinstance(gravity, Gravity) else np.zeros(2)
+        g = scene.effects.gravity_at(self.time)
         excess = np.maximum(self._fluid.rho / scene.fluid.rho0 - 1.0, 0.0)
         return {
             "time": self.time,
@@ -442,5 +440,5 @@ class Simulation:
         self._fluid, self.time, self._controls = fluid, time, check_controls(controls)
         self._ledger.set_state(numbers)
         self._totals = totals
-        self._model = make_model(self.scene, self._controls, self._float)
+        self._model = make_model(self.scene, self._controls, self.mass, self._float)
         self._evaluate_density()

@@ -79,6 +79,15 @@ def test_density_at_a_free_surface():
     assert sim.rho[0] / 1000.0 == pytest.approx(0.48, abs=0.01)
 
 
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dx", [1e-6, 1e-3, 1.0, 1e3])
+def test_density_knows_no_unit_of_length(dx, dtype):
+    n = 11
+    x = lattice(0.0, n * dx, 0.0, n * dx, dx)
+    sim = Simulation(Scene("lattice", x=x, dx=dx, h=2.6 * dx, fluid=WATER), dtype)
+    assert sim.rho[n * n // 2] == pytest.approx(1000.0, rel=1e-5)
+
+
 # --- Forces that are known ------------------------------------------------------------------
 
 

@@ -8,6 +8,7 @@ from sph_gym.scenes.dam_break import dam_break
 from sph_gym.scenes.drop_impact import drop_impact
 from sph_gym.scenes.hydrostatic_tank import hydrostatic_tank
 from sph_gym.scenes.relaxation import relaxation
+from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 
 _SCENES: dict[str, Callable[..., Scene]] = {
@@ -43,9 +44,7 @@ def make(name: str, **arguments: Any) -> Scene:
 
 
 def _builder(name: str) -> Callable[..., Scene]:
-    if name not in _SCENES:
-        raise ValueError(f"name: unknown scene {name!r}, expected one of {', '.join(_SCENES)}")
-    return _SCENES[name]
+    return _SCENES[known("name", name, _SCENES)]
 
 
 __all__ = ["make", "names", "parameters"]

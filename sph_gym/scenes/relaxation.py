@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import in_range, positive, whole
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.walls import lattice
 
@@ -23,7 +23,7 @@ def relaxation(
     x = square[np.hypot(*square.T) <= diameter / 2]
     if len(x) == 0:
         raise ValueError(f"diameter: expected at least dx = {dx:g} m, got {diameter:g}")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(whole("seed", seed))
     x = x + rng.normal(0.0, in_range("jitter", jitter, 0.0) * dx, x.shape)
     c0 = 10.0
     return Scene(

@@ -40,6 +40,8 @@ def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.fl
     """`value` as a finite float64 array of `shape` (a letter stands for any length)."""
     wanted = f"({', '.join(map(str, shape))})"
     try:
+        if np.iscomplexobj(value):
+            raise TypeError
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected numbers of shape {wanted}, got {value!r}") from None
@@ -52,6 +54,14 @@ def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.fl
         bad = int(np.flatnonzero(~np.isfinite(array.reshape(len(array), -1)).all(axis=1))[0])
         raise ValueError(f"{name}: expected finite numbers, got {array[bad]} at index {bad}")
     return array
+
+
+def whole(name: str, value: Any) -> int:
+    """`value` as an integer of at least 0, or ValueError."""
+    result = in_range(name, value, 0.0)
+    if result != int(result):
+        raise ValueError(f"{name}: expected a whole number, got {value!r}")
+    return int(result)
 
 
 def known(name: str, value: Any, choices: Iterable[str]) -> str:

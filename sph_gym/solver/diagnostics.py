@@ -74,7 +74,8 @@ def _totals(fluid, wall_rho, mass, stiffness, rho0, gamma, clamp):
 def totals(fluid, walls, mass, stiffness, rho0, gamma, clamp) -> Totals:
     """The sums for a state with fresh densities."""
     wall_rho = None if walls is None else walls.rho
-    return Totals(*_totals(fluid, wall_rho, mass, stiffness, rho0, gamma, bool(clamp)))
+    sums = _totals(fluid, wall_rho, mass, stiffness, rho0, gamma, clamp)
+    return Totals(*map(float, sums))
 
 
 @jit
@@ -118,7 +119,9 @@ class Ledger:
     The energy that is neither is an error of the time stepping. It counts as a blow-up when it
     exceeds `TOLERANCE` times the energy at stake: what was there at the start, what gravity and
     the controls brought in, and the weight of the fluid times its own size. Friction, clamped
-    pressure and clamping walls only take energy away, so there is no bound from below.
+    pressure and clamping walls only take energy away, so there is no bound from below. A kernel
+    pair that isn't matched makes energy of its own, at any time step; the tolerance leaves room
+    for that as long as it is clamped or damped.
     """
 
     TOLERANCE = 2.0

@@ -8,7 +8,8 @@ that return *shapes*; the constant in front is a field (`weight_scale`, `gradien
     -(dW/dr)/r        = gradient_scale * gradient(kernel, r2, r, inv_r)                 [1/m^4]
     Laplacian weight  = viscosity_scale * viscosity(kernel, r2, r)                      [1/m^4]
 
-Shapes are meant for r < h; the pair loops mask what lies beyond.
+Shapes are in the precision of the particles, scales always in float64: alone, 1/h^8 leaves the
+range of float32. Shapes are meant for r < h; the pair loops mask what lies beyond.
 """
 
 import math
@@ -101,13 +102,13 @@ def _wendland_viscosity(kernel, r2, r):
 def make_mueller(h: float, dtype: type = np.float64) -> Mueller:
     """The Mueller kernels with support radius h [m]."""
     scales = (4 / (math.pi * h**8), 30 / (math.pi * h**5), 40 / (math.pi * h**5))
-    return Mueller(*(dtype(value) for value in (h, h * h, 2 * h, *scales)))
+    return Mueller(dtype(h), dtype(h * h), dtype(2 * h), *scales)
 
 
 def make_wendland_c2(h: float, dtype: type = np.float64) -> WendlandC2:
     """The Wendland C2 kernel with support radius h [m]."""
     scales = (28 / (math.pi * h**7), 140 / (math.pi * h**7), 280 / (math.pi * h**7))
-    return WendlandC2(*(dtype(value) for value in (h, h / 4, *scales)))
+    return WendlandC2(dtype(h), dtype(h / 4), *scales)
 
 
 KERNELS: dict[str, Callable[..., Any]] = {"mueller": make_mueller, "wendland_c2": make_wendland_c2}

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from sph_gym.solver.effects import (
     ArtificialViscosity,
     LaminarViscosity,
@@ -24,7 +26,15 @@ def particle_mass(scene: Scene) -> float:
 
 
 def make_model(scene: Scene, controls: Controls, mass: float, number: Any) -> Model:
-    """What doesn't change within a call, in the precision `number` (np.float64 or np.float32)."""
+    """What doesn't change within a call, in the precision `number` (np.float64 or np.float32).
+
+    Absurd but legal numbers may become infinite in float32; the tripwire tells of what follows.
+    """
+    with np.errstate(over="ignore"):
+        return _make_model(scene, controls, mass, number)
+
+
+def _make_model(scene: Scene, controls: Controls, mass: float, number: Any) -> Model:
     kernel, fluid = KERNELS[scene.fluid.kernel](scene.h), scene.fluid
     constants = Constants(
         number(scene.h**2),

@@ -34,16 +34,18 @@ class Fluid:
     clamp: bool = True
 
     def __post_init__(self) -> None:
-        positive("fluid.c0", self.c0)
-        positive("fluid.rho0", self.rho0)
-        in_range("fluid.gamma", self.gamma, 1.0)
+        object.__setattr__(self, "c0", positive("fluid.c0", self.c0))
+        object.__setattr__(self, "rho0", positive("fluid.rho0", self.rho0))
+        object.__setattr__(self, "gamma", in_range("fluid.gamma", self.gamma, 1.0))
+        if not isinstance(self.clamp, bool):
+            raise ValueError(f"fluid.clamp: expected True or False, got {self.clamp!r}")
         known("fluid.kernel", self.kernel, KERNELS)
         known("fluid.eos", self.eos, EQUATIONS_OF_STATE)
 
     @property
     def exponent(self) -> float:
         """The exponent in force: gamma, or 1 for the linear law."""
-        return 1.0 if self.eos == "linear" else float(self.gamma)
+        return 1.0 if self.eos == "linear" else self.gamma
 
     def stiffness(self, c: float) -> float:
         """Tait's B [Pa] for a sound speed c [m/s]."""
@@ -63,9 +65,9 @@ class Gravity:
     ramp: float = 0.0
 
     def __post_init__(self) -> None:
-        number("gravity[0]", self.x)
-        number("gravity[1]", self.y)
-        in_range("gravity.ramp", self.ramp, 0.0)
+        object.__setattr__(self, "x", number("gravity[0]", self.x))
+        object.__setattr__(self, "y", number("gravity[1]", self.y))
+        object.__setattr__(self, "ramp", in_range("gravity.ramp", self.ramp, 0.0))
 
     def at(self, time: float) -> NDArray[np.float64]:
         """The vector [m/s^2] at a time [s]."""
@@ -101,7 +103,7 @@ class Effects:
         for name in ("artificial_viscosity", "laminar_viscosity"):
             value = getattr(self, name)
             if value is not None:
-                in_range(f"effects.{name}", value, 0.0)
+                object.__setattr__(self, name, in_range(f"effects.{name}", value, 0.0))
 
     def gravity_at(self, time: float) -> NDArray[np.float64]:
         """The vector of gravity [m/s^2] at a time [s]; zero where there is none."""

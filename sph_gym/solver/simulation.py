@@ -184,24 +184,14 @@ class Simulation:
         n_substeps = max(math.ceil(ratio), 1)
         dt = seconds / n_substeps
         began, done, bad = self.time, 0, -1
-        while done < n_substeps and bad < 0:
-            self._regrid()
-            chunk = min(n_substeps - done, max(CHUNK // self.n_particles, 1))
-            steps, bad = stepping.advance(
-                self._fluid,
-                self._spare,
-                self._start,
-                self._cells,
-                self._walls,
-                self._wall_start,
-                self._grid,
-                self._model,
-                began + done * dt,
-                self._float(dt),
-                chunk,
-            )
-            done += steps
-            self.time = began + done * dt
+        try:
+            while done < n_substeps and bad < 0:
+                steps, bad = self._leg(began + done * dt, dt, n_substeps - done)
+                done += steps
+                self.time = began + done * dt
+        except KeyboardInterrupt:
+            self._evaluate_density()
+            raise
         if bad >= 0:
             self.time = began + (done - 1) * dt
             self._swap()
@@ -209,6 +199,23 @@ class Simulation:
         self.time = began + seconds
         self._evaluate_density()
         return self._audit(Report(done, dt), began)
+
+    def _leg(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
+        """As many of the substeps as one compiled call should take; see `stepping.advance`."""
+        self._regrid()
+        return stepping.advance(
+            self._fluid,
+            self._spare,
+            self._start,
+            self._cells,
+            self._walls,
+            self._wall_start,
+            self._grid,
+            self._model,
+            time,
+            self._float(dt),
+            min(n_substeps, max(CHUNK // self.n_particles, 1)),
+        )
 
     def _swap(self) -> None:
         self._fluid, self._spare = self._spare, self._fluid
@@ -426,9 +433,11 @@ class Simulation:
         """
         try:
             fluid = Particles(**{name: a.copy() for name, a in snapshot["fluid"].items()})
-            time, controls = float(snapshot["time"]), Controls(*snapshot["controls"])
-            numbers, totals = list(snapshot["ledger"]), diagnostics.Totals(*snapshot["totals"])
-        except (AttributeError, KeyError, TypeError) as error:
+            time, controls = float(snapshot["time"]), check_controls(snapshot["controls"])
+            numbers, totals = snapshot["ledger"], diagnostics.Totals(*snapshot["totals"])
+            if len(numbers) != len(self._ledger.state()):
+                raise ValueError(f"ledger of {len(numbers)} numbers")
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"snapshot: not one of Simulation.snapshot(): {error!r}") from None
         for name, array in self._fluid._asdict().items():
             given = getattr(fluid, name)
@@ -437,7 +446,7 @@ class Simulation:
                     f"snapshot: expected {name} of shape {array.shape} and type {array.dtype}, "
                     f"got {given.shape} and {given.dtype}"
                 )
-        self._fluid, self.time, self._controls = fluid, time, check_controls(controls)
+        self._fluid, self.time, self._controls = fluid, time, controls
         self._ledger.set_state(numbers)
         self._totals = totals
         self._model = make_model(self.scene, self._controls, self.mass, self._float)

@@ -53,7 +53,7 @@ class Controls(NamedTuple):
 def allocate_particles(x: Floats, v: Floats, dtype: type) -> Particles:
     """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given."""
     n = len(x)
-    columns: list[Any] = [np.ascontiguousarray(a, dtype) for a in (*x.T, *v.T)]
+    columns: list[Any] = [np.array(a, dtype) for a in (*x.T, *v.T)]
     columns += [np.ones(n, dtype), np.zeros(n, dtype), np.arange(n, dtype=np.int32)]
     return Particles(*columns)
 

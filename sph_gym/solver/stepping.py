@@ -3,6 +3,8 @@
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from sph_gym.solver.effects import PairEffects, UniformGravity, add_gravity, smoothed
 from sph_gym.solver.forces import Constants, compute_fluid_density, compute_wall_density, force_sums
 from sph_gym.solver.jit import jit
@@ -89,7 +91,8 @@ def kick_and_drift(source, target, start, walls, wall_start, grid, model, time, 
         )
         target.x[i], target.y[i], target.u[i], target.v[i] = x, y, u, v
         target.id[i] = source.id[i]
-        sane = u * u + v * v < like(u, TOP_SPEED * TOP_SPEED) and (x - x) + (y - y) == 0.0
+        # not x - x == 0, which reassociation folds to True
+        sane = u * u + v * v < like(u, TOP_SPEED * TOP_SPEED) and abs(x) + abs(y) < np.inf
         if not sane and bad < 0:
             bad = i
     return bad

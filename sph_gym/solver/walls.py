@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sph_gym.solver.checks import finite_array, in_range
+from sph_gym.solver.checks import finite_array, in_range, positive
 from sph_gym.solver.jit import jit
 from sph_gym.solver.state import Floats
 
@@ -71,13 +71,17 @@ class Walls:
             if len(positions) == 0:
                 raise ValueError("walls.particles: expected at least one position, got none")
             object.__setattr__(self, "particles", positions)
-        in_range("walls.restitution", self.restitution, 0.0, 1.0)
+        restitution = in_range("walls.restitution", self.restitution, 0.0, 1.0)
+        object.__setattr__(self, "restitution", restitution)
         if self.box is not None:
-            sides = tuple(float(side) for side in self.box)
+            try:
+                sides = tuple(float(side) for side in self.box)
+            except (TypeError, ValueError):
+                sides = ()
             if len(sides) != 4 or not (sides[0] < sides[1] and sides[2] < sides[3]):
                 raise ValueError(
                     "walls.box: expected (x_min, x_max, y_min, y_max) with x_min < x_max and "
-                    f"y_min < y_max, got {self.box}"
+                    f"y_min < y_max, got {self.box!r}"
                 )
             object.__setattr__(self, "box", sides)
 
@@ -93,6 +97,7 @@ def lattice(x_min: float, x_max: float, y_min: float, y_max: float, dx: float) -
     Returns (n, 2) [m]. The upper sides are moved to the nearest multiple of dx: a lattice that
     was stretched to fit would not be at rest density.
     """
+    positive("dx", dx)
     nx, ny = (max(round(side / dx), 1) for side in (x_max - x_min, y_max - y_min))
     x, y = x_min + (np.arange(nx) + 0.5) * dx, y_min + (np.arange(ny) + 0.5) * dx
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -104,6 +109,7 @@ def tank_particles(width: float, height: float, dx: float, layers: int = 3) -> F
     The inner faces are x = 0, x = width (to the nearest multiple of dx) and y = 0, the walls at
     least `height` high. Returns (n, 2) [m].
     """
+    positive("dx", dx)
     nx, ny = max(round(width / dx), 1), math.ceil(height / dx - 1e-9)
     i, j = (a.ravel() for a in np.meshgrid(np.arange(-layers, nx + layers), np.arange(-layers, ny)))
     outside = (i < 0) | (i >= nx) | (j < 0)

@@ -75,8 +75,11 @@ def test_density_kernel_ends_at_the_support_radius(kernel):
 
 
 @pytest.mark.parametrize("make", KERNELS.values(), ids=KERNELS)
-def test_kernel_numbers_have_the_precision_asked_for(make):
-    assert {type(number) for number in make(H, np.float32)} == {np.float32}
+def test_shapes_have_the_precision_asked_for_and_scales_are_double(make):
+    numbers = make(H, np.float32)._asdict()
+    scales = {type(numbers.pop(f"{name}_scale")) for name in ("weight", "gradient", "viscosity")}
+    assert scales == {float}
+    assert {type(number) for number in numbers.values()} == {np.float32}
 
 
 @pytest.mark.parametrize(("h_over_dx", "total"), [(2, 1.015), (2.4, 0.995), (2.8, 1), (3, 1.002)])

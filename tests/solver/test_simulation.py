@@ -166,6 +166,7 @@ def test_an_interrupted_call_leaves_a_state_to_go_on_from(monkeypatch):
     monkeypatch.setattr(stepping, "advance", interrupted)
     with pytest.raises(KeyboardInterrupt):
         broken.advance(10 * dt)
+    monkeypatch.undo()
     assert broken.time == pytest.approx(3 * dt)
     naive = Naive(broken.scene, broken.controls)
     x, v = fluid(broken, "x"), fluid(broken, "v")

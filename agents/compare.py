@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 import sph_gym
 from agents import grid_search, plots, report
-from agents.evaluate import evaluate, instance_ids, play, print_table, readable, summary_table
+from agents.evaluate import evaluate, instance_ids, play, readable, show, summary_table
 from agents.looks import AGENTS
 from agents.policies import LEARNED, NAMES, Spec, build, trained_network
 from sph_gym.env import env_id
@@ -152,7 +152,7 @@ def compare(args: Args) -> Path:
     plots.plot_controls(episodes, args.output / "controls.png", nominal)
     animate(pictures, args.output)
     page = report.write_report(args.output, _context(args, chosen, summary, instances))
-    print_table(readable(summary), f"{args.scene}: {len(instances)} unseen instances")
+    show(readable(summary), f"{args.scene}: {len(instances)} unseen instances")
     print("mean ± half of the 95 % bootstrap interval over instances; best return first")
     return page
 

@@ -4,19 +4,17 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pandas as pd
-from rich.box import SIMPLE
-from rich.console import Console
-from rich.table import Table
 
 from agents.jobs import run_jobs
 from agents.policies import Policy, Spec, build
 from sph_gym.env import env_id
 from sph_gym.env.instances import SIZES
+from sph_gym.studies.table import print_table
 
 # Columns of a table of runs and their headings.
 MEASURES = {
@@ -147,15 +145,9 @@ def readable(summary: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def print_table(table: pd.DataFrame, title: str) -> None:
+def show(table: pd.DataFrame, title: str) -> None:
     """Print a table of text to the terminal."""
-    grid = Table(title=title, header_style="bold", box=SIMPLE, pad_edge=False)
-    for column in table.columns:
-        side: Literal["left", "right"] = "left" if column == "agent" else "right"
-        grid.add_column(column, justify=side, overflow="fold")
-    for row in table.itertuples(index=False):
-        grid.add_row(*map(str, row))
-    Console().print(grid)
+    print_table(title, list(table.columns), table.to_numpy().tolist(), n_text=1)
 
 
 def main(spec: Spec, args: Args) -> None:
@@ -163,5 +155,5 @@ def main(spec: Spec, args: Args) -> None:
     instances = instance_ids(args.scene, args.instances, args.n_instances)
     path = args.output / f"{spec.name}_{args.scene}_{args.instances}.csv"
     runs = evaluate([spec], args.scene, instances, path)
-    print_table(readable(summary_table(runs)), f"{spec.name} on {args.scene} ({args.instances})")
+    show(readable(summary_table(runs)), f"{spec.name} on {args.scene} ({args.instances})")
     print(f"every run: {path}")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import tyro
 
-from agents.evaluate import instance_ids, print_table, run_episode
+from agents.evaluate import instance_ids, run_episode, show
 from agents.jobs import run_jobs
 from agents.policies import Spec
 
@@ -60,5 +60,5 @@ def _text(table: pd.DataFrame) -> pd.DataFrame:
 if __name__ == "__main__":
     arguments = tyro.cli(Args, description=__doc__)
     result = search(arguments)
-    print_table(_text(result.head(10)), f"best static settings on {arguments.scene} (train)")
+    show(_text(result.head(10)), f"best static settings on {arguments.scene} (train)")
     print(f"every run: {arguments.output / f'grid_search_{arguments.scene}.csv'}")

@@ -4,6 +4,8 @@ import csv
 import hashlib
 import multiprocessing
 import os
+import signal
+import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
@@ -16,6 +18,7 @@ from tqdm import tqdm
 import sph_gym
 
 Row = dict[str, Any]
+INTERRUPTED = 130
 
 
 @cache
@@ -55,7 +58,7 @@ def run_jobs(
     n_workers = min(workers or cpu_count(), max(len(missing), 1))
     with (
         tqdm(total=len(jobs), initial=len(jobs) - len(missing), desc=title, unit="run") as bar,
-        ProcessPoolExecutor(n_workers, mp_context=context) as pool,
+        ProcessPoolExecutor(n_workers, mp_context=context, initializer=_ignore_ctrl_c) as pool,
     ):
         futures = {pool.submit(function, *jobs[k]): k for k in missing}
         try:
@@ -65,10 +68,19 @@ def run_jobs(
                 done[names[k]] = row
                 _append(path, row)
                 bar.update()
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            tqdm.write(f"interrupted; finished runs are kept in {path}", file=sys.stderr)
+            raise SystemExit(INTERRUPTED) from None
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return pd.DataFrame([done[name] for name in names])
+
+
+def _ignore_ctrl_c() -> None:
+    """A worker ends the run in hand; the main process decides what comes after."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _name(key: Row) -> str:

@@ -122,6 +122,28 @@ def callbacks(algorithm: str, args: Args) -> BaseCallback:
     )
 
 
+def train(kind: type[BaseAlgorithm], algorithm: str, args: Args) -> None:
+    """Train a stable-baselines3 algorithm, with everything it leaves behind in its folder.
+
+    kind: PPO or SAC; algorithm: the name of its YAML file and of its folder.
+    """
+    # the networks are small, and the processes of the environments want the cores
+    torch.set_num_threads(1)
+    path, envs = folder(algorithm, args), make_envs(args)
+    if args.resume:
+        model = kind.load(newest_checkpoint(path), env=envs, device="cpu")
+    else:
+        settings = hyperparameters(algorithm, args.scene)
+        settings["learning_rate"] = linear(settings["learning_rate"])
+        logs = str(path / "tensorboard")
+        make: Any = kind
+        model = make(
+            "MlpPolicy", envs, tensorboard_log=logs, seed=args.seed, device="cpu", **settings
+        )
+    learn(model, algorithm, args)
+    envs.close()
+
+
 def learn(model: BaseAlgorithm, algorithm: str, args: Args) -> None:
     """Train, export the best model; Ctrl-C ends the training and still exports."""
     path = folder(algorithm, args)

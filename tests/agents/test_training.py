@@ -5,39 +5,40 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
-from agents import ppo, sac, training
+from stable_baselines3 import PPO, SAC
+
+from agents import training
 from sph_gym.controllers import Network
 
 
 @pytest.fixture
 def small(monkeypatch):
     settings = {
-        "ppo": {"n_steps": 32, "batch_size": 32, "n_epochs": 1, "log_std_init": -0.5},
+        "ppo": {"n_steps": 32, "batch_size": 32, "n_epochs": 1},
         "sac": {"learning_starts": 20, "batch_size": 16, "buffer_size": 200},
     }
-    common = {"learning_rate": 1e-3, "net_arch": [8]}
+    common = {"learning_rate": 1e-3, "policy_kwargs": {"net_arch": [8]}}
 
     def look_up(algorithm, scene):
         return settings[algorithm] | common
 
-    monkeypatch.setattr(ppo, "hyperparameters", look_up)
-    monkeypatch.setattr(sac, "hyperparameters", look_up)
+    monkeypatch.setattr(training, "hyperparameters", look_up)
 
 
-@pytest.mark.parametrize(("algorithm", "module"), [("ppo", ppo), ("sac", sac)])
+@pytest.mark.parametrize(("algorithm", "kind"), [("ppo", PPO), ("sac", SAC)])
 @pytest.mark.filterwarnings("ignore:Training and eval env are not of the same type")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore:rich is experimental")
-def test_train_export_resume(tmp_path, small, algorithm, module):
+def test_train_export_resume(tmp_path, small, algorithm, kind):
     arguments = training.Args(
         scene="relaxation", steps=64, n_envs=1, output=tmp_path, evaluate_every=64, n_evaluations=1
     )
-    module.train(arguments)
+    training.train(kind, algorithm, arguments)
     path = tmp_path / f"{algorithm}_relaxation"
     action = Network.load(path / "network.npz")(np.zeros(20, np.float32))
     assert np.abs(action).max() <= 1
     arguments.steps, arguments.resume = 96, True
-    module.train(arguments)
+    training.train(kind, algorithm, arguments)
     assert training.newest_checkpoint(path).exists()
     assert list((path / "tensorboard").rglob("events*"))
 

@@ -77,7 +77,7 @@ def _search(args: Args) -> pd.DataFrame:
         grid_search.Args(
             scene=args.scene,
             n_instances=args.n_search,
-            courant=_spread(0.4, 0.95, n_courant),
+            courant=_spread(0.5, 1.2, n_courant),
             sound=_spread(0.2, 1.0, n_sound),
             xsph=_spread(0.1, 0.5, n_xsph),
             output=args.output,

@@ -1,4 +1,4 @@
-"""The best static setting in hindsight: a grid over Courant multiple, sound speed and xsph."""
+"""The best static setting of a grid over Courant multiple, sound speed and xsph."""
 
 import itertools
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Args:
     """scene of the environment"""
     n_instances: int = 8
     """training instances per setting"""
-    courant: tuple[float, ...] = (0.4, 0.6, 0.8, 0.95)
+    courant: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0, 1.2)
     """dt c / h"""
     sound: tuple[float, ...] = (0.2, 0.3, 0.4, 0.55, 0.75, 1.0)
     """sound speed / nominal c0"""

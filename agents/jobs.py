@@ -111,9 +111,11 @@ def _value(text: str) -> int | float | str:
 def _write(path: Path, rows: list[Row]) -> None:
     """Start the file anew with the rows that are still good."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.unlink(missing_ok=True)
+    draft = path.with_suffix(f".{os.getpid()}.tmp")
+    draft.touch()
     for row in rows:
-        _append(path, row)
+        _append(draft, row)
+    os.replace(draft, path)
 
 
 def _append(path: Path, row: Row) -> None:

@@ -59,7 +59,7 @@ AGENTS: dict[str, Agent] = {
         "#CC79A7",
         "^",
         (0, (3, 1.5)),
-        "keeps one setting for the whole run, the best in hindsight of a grid that was tried on "
+        "keeps one setting for the whole run, the best of a grid that was tried on "
         "training instances.",
     ),
     "ppo": Agent(

@@ -12,7 +12,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return int(options.function(options))
-    except (ValueError, ImportError) as error:
+    except (ValueError, ImportError, OSError) as error:
         print(f"sph_gym: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -36,8 +36,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--log", type=int, default=3, metavar="N", help="particles to log, 0: none")
     run.add_argument("--color", default="speed", help="speed, density, pressure or neighbors")
     run.add_argument("--arrows", action="store_true", help="draw forces as arrows")
-    run.add_argument("--window", action="store_true", help="watch it; keys are shown there")
-    run.add_argument("--video", metavar="PATH", help="film it: .mp4 or .gif")
+    show = run.add_mutually_exclusive_group()
+    show.add_argument("--window", action="store_true", help="watch it; keys are shown there")
+    show.add_argument("--video", metavar="PATH", help="film it: .mp4 or .gif")
     study = commands.add_parser("study", help="measure something and print a table")
     study.set_defaults(function=_study)
     study.add_argument("name", help="startup, validation")

@@ -103,7 +103,7 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
 
 def parse(id_: str, dx: float | None = None) -> Instance:
     """The instance of an id. Raises ValueError if there is none."""
-    scene, split, number = [*str(id_).split("/"), "", ""][:3]
-    if not number.isdecimal():
+    scene, split, number, *more = [*str(id_).split("/"), "", ""]
+    if not number.isdecimal() or any(more):
         raise ValueError(f"instance: expected an id such as 'dam_break/train/17', got {id_!r}")
     return instance(scene, split, int(number), dx)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sph_gym.env.actions import Coordinates
 from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.stepping import COURANT, FORCE
 
 
 class Glance(NamedTuple):
@@ -145,7 +146,7 @@ class Features:
         g = scene.effects.gravity_at(sim.time)
         pull = float(np.hypot(*g))
         adrift = np.hypot(*(acceleration - g).T) < 0.1 * pull
-        limit = 0.25 * math.sqrt(scene.h / max(now["max_acceleration"], 1e-12))
+        limit = FORCE * math.sqrt(scene.h / max(now["max_acceleration"], 1e-12))
         glance = Glance(
             now,
             before,
@@ -157,7 +158,7 @@ class Features:
             elevation=now["com_y"] - float(sim.x[:n, 1].min()),
             falling=float(adrift.mean()) if pull > 0 else 0.0,
             surface=float(np.mean(rho < 0.9 * scene.fluid.rho0)),
-            force_limit=limit * sim.sound_speed / (0.4 * scene.h),
+            force_limit=limit * sim.sound_speed / (COURANT * scene.h),
         )
         values = np.array([feature.value(glance) for feature in FEATURES], np.float32)
         return np.clip(values, self._low, self._high)

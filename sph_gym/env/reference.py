@@ -9,7 +9,6 @@ import os
 import tempfile
 import warnings
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.controllers.rules import TunedCfl, from_numbers
+from sph_gym.env import actions
 from sph_gym.solver.jit import cache_home, source_hash
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
@@ -50,6 +50,10 @@ class Reference(NamedTuple):
     cfl_substeps: float
 
 
+MOST_KEPT = 512
+_KEPT: dict[str, Reference] = {}
+
+
 def n_frames(scene: Scene) -> int:
     """Steps of an episode: whole frames in the scene's duration, at least one."""
     return max(round(scene.duration / scene.frame), 1)
@@ -57,35 +61,23 @@ def n_frames(scene: Scene) -> int:
 
 def reference(scene: Scene) -> Reference:
     """The reference of a scene, from memory, from disk, or computed now (about a second)."""
-    return _load_or_compute(_key(scene), _Hidden(scene))
-
-
-class _Hidden:
-    """Carries the scene past the memory cache, whose key is the hash alone."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-
-    def __hash__(self) -> int:
-        return 0
-
-    def __eq__(self, other: object) -> bool:
-        return True
-
-
-@lru_cache(maxsize=512)
-def _load_or_compute(key: str, hidden: _Hidden) -> Reference:
-    path = cache_home() / "references" / f"{key}.npz"
-    stored = _read(path)
-    if stored is None:
-        stored = _compute(hidden.scene)
-        _write(path, stored)
-    return stored
+    key = _key(scene)
+    if key not in _KEPT:
+        path = cache_home() / "references" / f"{key}.npz"
+        stored = _read(path)
+        if stored is None:
+            stored = _compute(scene)
+            _write(path, stored)
+        while len(_KEPT) >= MOST_KEPT:
+            _KEPT.pop(next(iter(_KEPT)))
+        _KEPT[key] = stored
+    return _KEPT[key]
 
 
 def _key(scene: Scene) -> str:
     # a name is no part of the physics; walls and arrays have to be taken apart to be hashed
     digest = hashlib.sha256(source_hash().encode() + Path(__file__).read_bytes())
+    digest.update(repr((actions.COURANT, actions.SOUND, actions.XSPH)).encode())
     for rule in (TunedCfl(), scene.fluid, scene.effects, scene.controls):
         digest.update(repr(rule).encode())
     digest.update(repr((scene.dx, scene.h, scene.duration, scene.frame)).encode())
@@ -139,7 +131,8 @@ def _cfl_substeps(scene: Scene) -> float:
         sim = Simulation(scene)
         substeps = []
         for _ in range(n_frames(scene)):
-            sim.controls = rule(sim)
+            # as an agent could play it: cut off at the ends of the action space
+            sim.controls = actions.decode(scene, actions.encode(scene, rule(sim)))
             report = sim.advance(scene.frame)
             if report.diverged:
                 break

@@ -110,7 +110,9 @@ def _drift(error: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def check_weights(weights: dict[str, float] | None) -> dict[str, float]:
     """One weight a term, 1 where none is given. Raises ValueError for unknown terms."""
-    given = weights or {}
+    given = {} if weights is None else weights
+    if not isinstance(given, dict):
+        raise ValueError(f"reward_weights: expected a dictionary, got {weights!r}")
     for term, weight in given.items():
         if term not in TERMS:
             raise ValueError(f"reward_weights: expected terms {', '.join(TERMS)}, got {term!r}")

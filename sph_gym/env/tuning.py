@@ -52,7 +52,7 @@ class TuningEnv(gym.Env[NDArray[np.float32], Any]):
 
     def __init__(
         self,
-        scene: str | Scene,
+        scene: str | Scene | None = None,
         dx: float | None = None,
         instances: str = "nominal",
         action_mode: str = "absolute",
@@ -76,7 +76,9 @@ class TuningEnv(gym.Env[NDArray[np.float32], Any]):
         self._painter: Painter | None = None
         self._window: Window | None = None
 
-    def _check_scene(self, scene: str | Scene, dx: float | None, split: str) -> None:
+    def _check_scene(self, scene: str | Scene | None, dx: float | None, split: str) -> None:
+        if scene is None:
+            raise ValueError("scene: expected the name of a scene or a Scene of your own, got None")
         self._scene, self._dx, self._split = scene, dx, split
         if isinstance(scene, Scene):
             if dx is not None or split != "nominal":
@@ -88,6 +90,8 @@ class TuningEnv(gym.Env[NDArray[np.float32], Any]):
 
     def _draw(self, options: dict[str, Any] | None) -> tuple[str, Scene]:
         """The instance of this episode: from the options, or from the environment's generator."""
+        for name in options or {}:
+            known("options", name, ("instance",))
         wanted = (options or {}).get("instance")
         if isinstance(self._scene, Scene):
             if wanted is not None:
@@ -98,6 +102,7 @@ class TuningEnv(gym.Env[NDArray[np.float32], Any]):
             chosen = instances.instance(self._scene, self._split, number, self._dx)
         else:
             chosen = instances.parse(wanted, self._dx)
+            known("scene of the instance", chosen.scene, (self._scene,))
         return chosen.id, chosen.build()
 
     def reset(

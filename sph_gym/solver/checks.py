@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 def number(name: str, value: Any) -> float:
     """`value` as a finite float, or ValueError."""
     try:
+        if isinstance(value, (bool, str, bytes)):
+            raise TypeError
         result = float(value)
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected a number, got {value!r}") from None

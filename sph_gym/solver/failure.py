@@ -65,12 +65,12 @@ def cause(scene: Scene, dt: float, c: float, link: str, nearest: float) -> str:
     dt [s], c: sound speed at the present stiffness [m/s]; nearest: smallest spacing / dx.
     """
     nu = scene.effects.laminar_viscosity
-    longest = LINEAR_COURANT * scene.h
-    if dt * scene.fluid.c0 > longest or (nu and dt > LINEAR_VISCOUS * scene.h**2 / nu):
-        # a step too long even for the nominal fluid, unless a softer one was asked for
-        if dt * c > longest or (nu and dt > LINEAR_VISCOUS * scene.h**2 / nu):
-            return "cfl"
-    elif dt * c > longest:
+    too_viscous = nu is not None and dt * nu > LINEAR_VISCOUS * scene.h**2
+    too_long = dt * c > LINEAR_COURANT * scene.h
+    too_long_at_c0 = dt * scene.fluid.c0 > LINEAR_COURANT * scene.h
+    if too_viscous or (too_long and too_long_at_c0):
+        return "cfl"
+    if too_long:
         return "stiffness"
     if link == "walls":
         return "tunnelling"

@@ -11,6 +11,8 @@ from sph_gym.solver.kernels import KERNELS
 from sph_gym.solver.state import Controls
 from sph_gym.solver.walls import Walls
 
+# Of h / dx: beyond it a particle has more than 30,000 neighbours, and a unit is surely wrong.
+WIDEST = 100
 EQUATIONS_OF_STATE = ("tait", "linear")
 
 
@@ -123,7 +125,7 @@ def check_controls(controls: Controls) -> Controls:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A flow to simulate: particles, fluid, effects, walls, and for how long.
 
@@ -134,7 +136,7 @@ class Scene:
     start, xsph 0.3.
 
     Raises ValueError that names the argument, for wrong shapes and types, non-finite numbers, no
-    particles at all, h < dx, and times that aren't positive.
+    particles at all, h < dx or h > 100 dx, and times that aren't positive.
     """
 
     name: str
@@ -164,6 +166,11 @@ class Scene:
         if self.h < self.dx:
             raise ValueError(
                 f"h: expected a support radius of at least dx = {self.dx:g} m, got {self.h:g}"
+            )
+        if self.h > WIDEST * self.dx:
+            raise ValueError(
+                f"h: expected a support radius of at most {WIDEST} dx = {WIDEST * self.dx:g} m, "
+                f"got {self.h:g}"
             )
         if self.frame > self.duration:
             raise ValueError(

@@ -73,6 +73,7 @@ class Simulation:
         self._controls = self._initial_controls()
         self._model = make_model(scene, self._controls, self.mass, self._float)
         self._make_walls()
+        self._progress = np.zeros(2, np.int64)
         self._ax, self._ay = np.zeros_like(self._fluid.x), np.zeros_like(self._fluid.x)
         self.last_report = Report(0, self._controls.dt)
         self._evaluate_density()
@@ -183,39 +184,57 @@ class Simulation:
             )
         n_substeps = max(math.ceil(ratio), 1)
         dt = seconds / n_substeps
-        began, done, bad = self.time, 0, -1
-        try:
-            while done < n_substeps and bad < 0:
-                steps, bad = self._leg(began + done * dt, dt, n_substeps - done)
-                done += steps
-                self.time = began + done * dt
-        except KeyboardInterrupt:
-            self._evaluate_density()
-            raise
-        if bad >= 0:
-            self.time = began + (done - 1) * dt
-            self._swap()
-            return self._failed(Report(done, dt), bad)
-        self.time = began + seconds
-        self._evaluate_density()
-        return self._audit(Report(done, dt), began)
+        began, done = self.time, 0
+        report = Report(0, dt)
+        while done < n_substeps and not report.diverged:
+            interrupt = self._leg(began + done * dt, dt, n_substeps - done)
+            steps, bad = map(int, self._progress)
+            done += steps
+            report = self._book(Report(done, dt), bad, began + (done - (bad >= 0)) * dt)
+            if interrupt is not None:
+                self.last_report = report
+                raise interrupt
+        if not report.diverged:
+            self.time = began + seconds
+        return report
 
-    def _leg(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
-        """As many of the substeps as one compiled call should take; see `stepping.advance`."""
-        self._regrid()
-        return stepping.advance(
-            self._fluid,
-            self._spare,
-            self._start,
-            self._cells,
-            self._walls,
-            self._wall_start,
-            self._grid,
-            self._model,
-            time,
-            self._float(dt),
-            min(n_substeps, max(CHUNK // self.n_particles, 1)),
-        )
+    def _book(self, report: Report, bad: int, now: float) -> Report:
+        """Bring everything up to date after a leg, and look whether it went well."""
+        began, self.time = self.time, now
+        if bad >= 0:
+            self._swap()
+            return self._failed(report, bad)
+        self._evaluate_density()
+        return self._audit(report, began)
+
+    def _leg(self, time: float, dt: float, n_substeps: int) -> KeyboardInterrupt | None:
+        """As many of the substeps as one compiled call should take, at most a frame's worth.
+
+        Ctrl-C is delivered when the compiled call is over, so what it did is read from
+        `_progress` and the interrupt is handed on.
+        """
+        longest = max(math.ceil(self.scene.frame / dt), 1)
+        self._progress[:] = 0, -1
+        try:
+            self._regrid()
+            stepping.advance(
+                self._fluid,
+                self._spare,
+                self._start,
+                self._cells,
+                self._walls,
+                self._wall_start,
+                self._grid,
+                self._model,
+                time,
+                self._float(dt),
+                min(n_substeps, longest, max(CHUNK // self.n_particles, 1)),
+                self._progress,
+            )
+        except KeyboardInterrupt as interrupt:
+            self._grid = ()  # it may have been half laid
+            return interrupt
+        return None
 
     def _swap(self) -> None:
         self._fluid, self._spare = self._spare, self._fluid
@@ -441,11 +460,15 @@ class Simulation:
             raise ValueError(f"snapshot: not one of Simulation.snapshot(): {error!r}") from None
         for name, array in self._fluid._asdict().items():
             given = getattr(fluid, name)
+            if name in "xyuv" and not np.isfinite(given).all():
+                raise ValueError(f"snapshot: expected finite numbers in {name}")
             if given.shape != array.shape or given.dtype != array.dtype:
                 raise ValueError(
                     f"snapshot: expected {name} of shape {array.shape} and type {array.dtype}, "
                     f"got {given.shape} and {given.dtype}"
                 )
+        if not np.array_equal(np.sort(fluid.id), np.arange(self.n_fluid)):
+            raise ValueError("snapshot: expected every particle's id once")
         self._fluid, self.time, self._controls = fluid, time, controls
         self._ledger.set_state(numbers)
         self._totals = totals

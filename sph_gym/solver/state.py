@@ -51,9 +51,15 @@ class Controls(NamedTuple):
 
 
 def allocate_particles(x: Floats, v: Floats, dtype: type) -> Particles:
-    """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given."""
+    """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given.
+
+    Raises ValueError for numbers that `dtype` can't hold.
+    """
     n = len(x)
-    columns: list[Any] = [np.array(a, dtype) for a in (*x.T, *v.T)]
+    with np.errstate(over="ignore"):
+        columns: list[Any] = [np.array(a, dtype) for a in (*x.T, *v.T)]
+    if not all(np.isfinite(column).all() for column in columns):
+        raise ValueError(f"x, v: expected numbers in the range of {np.dtype(dtype).name}")
     columns += [np.ones(n, dtype), np.zeros(n, dtype), np.arange(n, dtype=np.int32)]
     return Particles(*columns)
 

@@ -99,18 +99,21 @@ def kick_and_drift(source, target, start, walls, wall_start, grid, model, time, 
 
 
 @jit
-def advance(fluid, spare, start, cells, walls, wall_start, grid, model, time, dt, n_substeps):
+def advance(
+    fluid, spare, start, cells, walls, wall_start, grid, model, time, dt, n_substeps, progress
+):
     """n_substeps steps of the whole chain: neighbours, density, pressure, force, integration.
 
     `fluid` holds the state before and after; `spare` is the same state sorted into cells. When a
     step fails, `spare` still holds the state before that step, with densities and pressures.
-    Returns the number of steps begun and the place in `spare` of the particle that failed, or -1.
+    progress: (2,) int64, kept up to date: the number of steps begun, and the place in `spare` of
+    the particle that failed, or -1.
     """
     for k in range(n_substeps):
         sort_into_cells(grid, fluid, spare, start, cells)
         compute_density(spare, start, walls, wall_start, grid, model)
         now = time + k * float(dt)
         bad = kick_and_drift(spare, fluid, start, walls, wall_start, grid, model, now, dt)
+        progress[0], progress[1] = k + 1, bad
         if bad >= 0:
-            return k + 1, bad
-    return n_substeps, -1
+            return

@@ -47,7 +47,7 @@ def confine(box, x, y, u, v):
     return x, y, u, v
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Walls:
     """The walls of a scene; what is left out costs nothing.
 
@@ -70,6 +70,7 @@ class Walls:
             positions = finite_array("walls.particles", self.particles, ("n", 2))
             if len(positions) == 0:
                 raise ValueError("walls.particles: expected at least one position, got none")
+            positions.flags.writeable = False
             object.__setattr__(self, "particles", positions)
         restitution = in_range("walls.restitution", self.restitution, 0.0, 1.0)
         object.__setattr__(self, "restitution", restitution)

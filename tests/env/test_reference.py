@@ -11,9 +11,9 @@ SCENE = scenes.make("relaxation", dx=0.1)
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "cache_home", lambda: tmp_path)
-    module._load_or_compute.cache_clear()
+    module._KEPT.clear()
     yield tmp_path / "references"
-    module._load_or_compute.cache_clear()
+    module._KEPT.clear()
 
 
 def equal(a, b):
@@ -28,7 +28,7 @@ def test_it_covers_every_frame_and_is_kept_on_disk(store, monkeypatch):
     first = reference(SCENE)
     assert len(first.fine.kinetic) == n_frames(SCENE) + 1
     assert first.cfl_substeps >= 1
-    module._load_or_compute.cache_clear()
+    module._KEPT.clear()
     monkeypatch.setattr(module, "_compute", lambda scene: pytest.fail("computed twice"))
     assert equal(reference(SCENE), first)
 
@@ -39,7 +39,7 @@ def test_a_damaged_file_is_rebuilt(store, content):
     first = reference(SCENE)
     (file,) = store.glob("*.npz")
     file.write_bytes(content)
-    module._load_or_compute.cache_clear()
+    module._KEPT.clear()
     assert equal(reference(SCENE), first)
     assert file.stat().st_size > 100
 
@@ -48,7 +48,7 @@ def test_a_folder_that_cannot_be_written_only_warns(tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     monkeypatch.setattr(module, "cache_home", lambda: blocked)
-    module._load_or_compute.cache_clear()
+    module._KEPT.clear()
     with pytest.warns(UserWarning, match="can't be kept"):
         reference(SCENE)
 

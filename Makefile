@@ -6,12 +6,12 @@ INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --constraint .
 .PHONY: demo demo-rl test lint clean
 
 demo: .venv/.studies
-	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 2 \
+	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 4 \
 		--grid 3 4 2 --output runs/demo
 
 demo-rl: .venv/.agents
 	$(BIN)/python -m agents.ppo --scene dam_break --steps 30000 --output runs/demo-rl
-	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 2 \
+	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 4 \
 		--grid 3 4 2 --networks ppo runs/demo-rl/ppo_dam_break/network.npz --output runs/demo-rl
 
 test: .venv/.dev lint

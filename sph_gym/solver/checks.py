@@ -58,9 +58,9 @@ def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.fl
     return array
 
 
-def whole(name: str, value: Any) -> int:
-    """`value` as an integer of at least 0, or ValueError."""
-    result = in_range(name, value, 0.0)
+def whole(name: str, value: Any, at_least: int = 0) -> int:
+    """`value` as an integer of at least `at_least`, or ValueError."""
+    result = in_range(name, value, at_least)
     if result != int(result):
         raise ValueError(f"{name}: expected a whole number, got {value!r}")
     return int(result)

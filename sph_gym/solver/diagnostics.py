@@ -1,13 +1,18 @@
 """Measures of a state, and of how a run failed."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from sph_gym.solver.equation_of_state import internal_energy
-from sph_gym.solver.jit import jit
-from sph_gym.solver.neighbors import rows, span
+from sph_gym.solver.jit import jit, jitable
+from sph_gym.solver.lanes import broadcast, lane, like, load, minimum, select, store, width
+from sph_gym.solver.neighbors import count, fluid_range, group_size, neighbor, wall_range
+from sph_gym.solver.target import MOST_LANES
 
+# An index that no particle of a group has: a wall particle is never the one that counts.
+NOT_ITSELF = -2 * MOST_LANES
 # Two particles closer than this share of dx count as clumped.
 CLUMPED = 0.6
 
@@ -30,23 +35,24 @@ class Totals(NamedTuple):
     compression: float
 
 
-@jit
-def _elastic(densities, stiffness, rho0, gamma, clamp):
+@jitable
+def _elastic(particles, eos):
     total = 0.0
-    if densities is None:
+    if particles is None:
         return total
-    for rho in densities:
-        total += internal_energy(stiffness, rho0, gamma, clamp, rho)
+    for i in range(particles.id.size):
+        total += internal_energy(eos, float(particles.rho[i]))
     return total
 
 
-@jit
-def _totals(fluid, wall_rho, mass, stiffness, rho0, gamma, clamp):
-    n = fluid.x.size
+@jitable
+def sum_up(fluid, walls, eos, sums):
+    """Fill `sums` for a state with fresh densities: `Totals` per unit of particle mass."""
+    n = fluid.id.size
     kinetic = com_x = com_y = momentum_x = momentum_y = angular = fastest = compression = 0.0
     for i in range(n):
-        x, y = np.float64(fluid.x[i]), np.float64(fluid.y[i])
-        u, v = np.float64(fluid.u[i]), np.float64(fluid.v[i])
+        x, y = float(fluid.x[i]), float(fluid.y[i])
+        u, v = float(fluid.u[i]), float(fluid.v[i])
         speed2 = u * u + v * v
         kinetic += speed2
         com_x += x
@@ -55,62 +61,54 @@ def _totals(fluid, wall_rho, mass, stiffness, rho0, gamma, clamp):
         momentum_y += v
         angular += x * v - y * u
         fastest = max(fastest, speed2)
-        compression += max(fluid.rho[i] / rho0 - 1.0, 0.0)
-    internal = _elastic(fluid.rho, stiffness, rho0, gamma, clamp)
-    internal += _elastic(wall_rho, stiffness, rho0, gamma, clamp)
-    return (
-        0.5 * mass * kinetic,
-        mass * internal,
-        com_x / n,
-        com_y / n,
-        mass * momentum_x,
-        mass * momentum_y,
-        mass * angular,
-        np.sqrt(fastest),
-        compression / n,
-    )
+        compression += max(float(fluid.rho[i]) * eos.inv_rho0 - 1.0, 0.0)
+    sums[0] = 0.5 * kinetic
+    sums[1] = _elastic(fluid, eos) + _elastic(walls, eos)
+    sums[2], sums[3] = com_x / n, com_y / n
+    sums[4], sums[5], sums[6] = momentum_x, momentum_y, angular
+    sums[7], sums[8] = math.sqrt(fastest), compression / n
 
 
-def totals(fluid, walls, mass, stiffness, rho0, gamma, clamp) -> Totals:
-    """The sums for a state with fresh densities."""
-    wall_rho = None if walls is None else walls.rho
-    sums = _totals(fluid, wall_rho, mass, stiffness, rho0, gamma, clamp)
-    return Totals(*map(float, sums))
+def totals(sums, mass) -> Totals:
+    """What `sum_up` found, with units."""
+    scales = (mass, mass, 1.0, 1.0, mass, mass, mass, 1.0, 1.0)
+    return Totals(*(float(number) * scale for number, scale in zip(sums, scales, strict=True)))
 
 
-@jit
-def _add_count(sources, start, grid, x, y, h2, count):
+@jitable
+def _count(x, y, sources, lists, i, first, last, h2, nearest, count):
+    """nearest and count, with the listed `sources` around lanes x, y; itself is no other."""
     if sources is None:
-        return count
-    first_row, last_row = rows(grid, y)
-    for row in range(first_row, last_row):
-        low, high = span(grid, start, row, x)
-        for j in range(low, high):
-            dx, dy = x - sources.x[j], y - sources.y[j]
-            count += 1 if dx * dx + dy * dy < h2 else 0
-    return count
+        return nearest, count
+    zero, one, far = like(count, 0.0), like(count, 1.0), like(nearest, np.inf)
+    for k in range(first, last):
+        j = neighbor(lists, k)
+        dx, dy = x - broadcast(sources.x, j), y - broadcast(sources.y, j)
+        r2 = dx * dx + dy * dy
+        other = select(lane(r2, j - i), far, r2)
+        near = other < h2
+        nearest = minimum(nearest, select(near, other, far))
+        count += select(near, one, zero)
+    return nearest, count
 
 
 @jit
-def nearest_and_count(fluid, start, walls, wall_start, grid, h2):
-    """Squared distance [m^2] to the nearest other fluid particle, inf if none is within h, and
-    the number of all other particles within h.
+def nearest_and_count(fluid, walls, lists, h2, nearest, number):
+    """Fill two columns: the squared distance [m^2] to the nearest other fluid particle, inf if
+    none is within h, and the number of all other particles within h.
     """
-    nearest = np.full(fluid.x.size, np.inf)
-    count = np.zeros(fluid.x.size, np.int32)
-    for i in range(fluid.x.size):
-        x, y = fluid.x[i], fluid.y[i]
-        first_row, last_row = rows(grid, y)
-        for row in range(first_row, last_row):
-            low, high = span(grid, start, row, x)
-            for j in range(low, high):
-                dx, dy = x - fluid.x[j], y - fluid.y[j]
-                r2 = dx * dx + dy * dy
-                if r2 < h2 and j != i:
-                    nearest[i] = min(nearest[i], r2)
-        count[i] = _add_count(fluid, start, grid, x, y, h2, -1)
-        count[i] = _add_count(walls, wall_start, grid, x, y, h2, count[i])
-    return nearest, count
+    i, n_fluid = 0, fluid.id.size
+    while i < n_fluid:
+        n = group_size(lists, i, min(width(nearest), n_fluid - i))
+        x, y = load(fluid.x, i), load(fluid.y, i)
+        inf, zero = like(x, np.inf), like(x, 0.0)
+        begin, end = fluid_range(lists, i, n_fluid)
+        near, others = _count(x, y, fluid, lists, i, begin, end, h2, inf, zero)
+        begin, end = wall_range(lists, i, count(walls))
+        _, others = _count(x, y, walls, lists, NOT_ITSELF, begin, end, h2, inf, others)
+        store(nearest, i, near, n)
+        store(number, i, others, n)
+        i += n
 
 
 class Ledger:

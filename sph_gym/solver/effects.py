@@ -8,7 +8,7 @@ particle.
 
 from typing import Any, NamedTuple
 
-from sph_gym.solver.jit import jit
+from sph_gym.solver.jit import jitable
 from sph_gym.solver.lanes import like, minimum
 
 
@@ -44,7 +44,7 @@ class Sums(NamedTuple):
 # --- Pressure -------------------------------------------------------------------------------
 
 
-@jit
+@jitable
 def add_pressure(stress, pair, ax, ay):
     """- sum m (p_i/rho_i^2 + p_j/rho_j^2) grad W: equal and opposite.
 
@@ -67,7 +67,7 @@ class ArtificialViscosity(NamedTuple):
     strength: float
 
 
-@jit
+@jitable
 def add_artificial_viscosity(effect, pair, stress):
     """Pi_ij = - alpha c0 h v.r / ((r^2 + eta^2) rho_mean) for pairs that approach.
 
@@ -89,7 +89,7 @@ class LaminarViscosity(NamedTuple):
     strength: float
 
 
-@jit
+@jitable
 def add_laminar_viscosity(effect, pair, ax, ay):
     """nu sum m (v_j - v_i) / rho_mean w_ij; dt <= 0.125 h^2 / nu.
 
@@ -110,7 +110,7 @@ class Xsph(NamedTuple):
     scale: float
 
 
-@jit
+@jitable
 def add_xsph(effect, pair, sx, sy):
     """eps sum m (v_j - v_i) W / rho_mean: smooths the velocity that moves the particles, no other.
 
@@ -122,7 +122,7 @@ def add_xsph(effect, pair, sx, sy):
     return sx - smoothing * pair.du, sy - smoothing * pair.dv
 
 
-@jit
+@jitable
 def smoothed(effect, u, v, sums):
     """The velocity that moves a particle: its own, plus the XSPH correction where there is one."""
     if effect is None:
@@ -141,7 +141,7 @@ class UniformGravity(NamedTuple):
     inv_ramp: float
 
 
-@jit
+@jitable
 def add_gravity(effect, time, ax, ay):
     """g min(time / ramp, 1)."""
     if effect is None:

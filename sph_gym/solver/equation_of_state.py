@@ -6,13 +6,12 @@
 needs no branch. Source: Becker & Teschner 2007; Monaghan 1994.
 """
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.solver.jit import dispatch, jit
-from sph_gym.solver.lanes import like, maximum
+from sph_gym.solver.jit import dispatch, jitable
+from sph_gym.solver.lanes import like, maximum, select
 
 
 class Tait7(NamedTuple):
@@ -64,13 +63,38 @@ def make_eos(
     return Tait7(*common) if gamma == 7.0 else Tait(*common, dtype(gamma))
 
 
-@jit
-def internal_energy(stiffness, rho0, gamma, clamp, rho):
+@dispatch
+def internal_energy(eos: Any, rho: Any) -> Any:
     """Elastic energy per mass [J/kg] stored at density rho: the integral of p / rho^2 from rho0."""
-    q = rho / rho0
-    if clamp and q <= 1.0:
-        return 0.0
-    if gamma == 1.0:
-        return stiffness / rho0 * (math.log(q) + 1.0 / q - 1.0)
-    rest = gamma / (gamma - 1.0)
-    return stiffness / rho0 * (q ** (gamma - 1.0) / (gamma - 1.0) + 1.0 / q - rest)
+
+
+@internal_energy.member(Tait7)
+def _tait7_energy(eos, rho):
+    # q^6 / 6 + 1 / q - 7 / 6 by Horner's rule in the deviation d, for the same reason
+    d = rho * eos.inv_rho0 - like(rho, 1.0)
+    s = d + like(rho, 7.0)
+    s = d * s + like(rho, 21.0)
+    s = d * s + like(rho, 35.0)
+    s = d * s + like(rho, 35.0)
+    s = d * s + like(rho, 21.0)
+    energy = d * d * s / (like(rho, 6.0) * (d + like(rho, 1.0)))
+    return _held(eos, d, energy)
+
+
+@internal_energy.member(Tait)
+def _tait_energy(eos, rho):
+    q, one = rho * eos.inv_rho0, like(rho, 1.0)
+    d = q - one
+    if eos.gamma == 1.0:
+        energy = np.log(q) - d / q
+    else:
+        rest = eos.gamma - one
+        energy = (q**rest - one) / rest - d / q
+    return _held(eos, d, energy)
+
+
+@jitable
+def _held(eos, d, energy):
+    """A clamped fluid pushes, and so stores energy, only above rest density."""
+    clamped = select(d > like(d, 0.0), energy, like(d, 0.0))
+    return eos.stiffness * eos.inv_rho0 * select(eos.floor < 0.0, energy, clamped)

@@ -1,12 +1,10 @@
 """The tripwire's verdict: in which link of the chain a run broke, at which particle, and why."""
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
-from sph_gym.solver.forces import add_weights
+from sph_gym.solver.kernels import KERNELS, density_kernel
 from sph_gym.solver.scene import Scene
-from sph_gym.solver.state import Floats, Indices, Particles, WallParticles
+from sph_gym.solver.state import Floats, Particles
 
 # Beyond this multiple of h/c symplectic Euler amplifies the shortest waves.
 LINEAR_COURANT = 0.9
@@ -16,47 +14,52 @@ LINEAR_VISCOUS = 0.145
 MERGED, INSIDE = 0.05, 0.4
 
 
-class Search(NamedTuple):
-    """The neighbour search that was in use, to be checked against brute force."""
-
-    start: Indices
-    grid: Any
-    kernel: Any
-    h2: Any
-
-
 def broken_link(
     fluid: Particles,
-    walls: WallParticles | None,
+    walls: Particles | None,
     a: Floats,
-    search: Search,
     bad: int,
-    dx: float,
+    scene: Scene,
+    mass: float,
 ) -> tuple[str, int]:
     """The first link that shows the failure, and the place in the arrays of a particle in it.
 
     fluid: the last finite state with its densities and pressures; a: (n,) size of the
-    accelerations [m/s^2]; bad: place of the particle that failed in the step after it.
+    accelerations [m/s^2]; bad: place of the particle that failed in the step after it; mass
+    [kg/m].
     """
-    if not _search_agrees(fluid, search, bad):
+    n = fluid.id.size
+    if not _search_agrees(fluid, walls, bad, scene, mass):
         return "neighbours", bad
     for link, values in {"density": fluid.rho, "pressure": fluid.stress, "force": a}.items():
-        wrong = ~np.isfinite(values)
+        wrong = ~np.isfinite(values[:n])
         if wrong.any():
             return link, int(np.argmax(wrong))
     if walls is not None:
-        distance = np.hypot(walls.x - fluid.x[bad], walls.y - fluid.y[bad])
-        if distance.min() < INSIDE * dx:
+        if _distances(walls, fluid, bad).min() < INSIDE * scene.dx:
             return "walls", bad
     return "integration", bad
 
 
-def _search_agrees(fluid: Particles, search: Search, bad: int) -> bool:
-    x, y, zero = fluid.x[bad], fluid.y[bad], fluid.x.dtype.type(0)
-    everybody = np.array([0, fluid.x.size], np.int32)
-    brute = add_weights(fluid, everybody, None, search.kernel, search.h2, x, y, zero)
-    found = add_weights(fluid, search.start, search.grid, search.kernel, search.h2, x, y, zero)
-    return bool(np.isclose(brute, found, rtol=1e-3, equal_nan=True))
+def _distances(others: Particles, fluid: Particles, i: int) -> Floats:
+    """(n,) [m] from fluid particle i to all the others."""
+    n = others.id.size
+    return np.hypot(
+        others.x[:n] - np.float64(fluid.x[i]), others.y[:n] - np.float64(fluid.y[i])
+    )
+
+
+def _search_agrees(
+    fluid: Particles, walls: Particles | None, bad: int, scene: Scene, mass: float
+) -> bool:
+    """Whether the density that the search gave is that of brute force."""
+    kernel = KERNELS[scene.fluid.kernel](scene.h)
+    everybody = [fluid] if walls is None else [fluid, walls]
+    brute = mass * sum(
+        density_kernel(kernel, _distances(some, fluid, bad)).sum() for some in everybody
+    )
+    found = fluid.rho[bad]
+    return not np.isfinite(found) or bool(np.isclose(brute, found, rtol=1e-3))
 
 
 def cause(scene: Scene, dt: float, c: float, link: str, nearest: float) -> str:

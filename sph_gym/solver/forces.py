@@ -1,7 +1,8 @@
 """The only pair loops: kernel sums for the density, and everything that acts between two particles.
 
-Neighbours come as rows of cells and spans of consecutive particles (neighbors.py); the range over
-a span is unsigned, since a signed index would keep LLVM from vectorising the loop.
+Both run over the neighbours of a group of particles at once (neighbors.py): the group's particles
+are the lanes of x, y ..., each neighbour is repeated in all lanes. Nothing is summed across lanes,
+so a particle's sum does not depend on who else is in its group.
 """
 
 from typing import Any, NamedTuple
@@ -15,10 +16,26 @@ from sph_gym.solver.effects import (
     add_xsph,
 )
 from sph_gym.solver.equation_of_state import pressure
-from sph_gym.solver.jit import jit
+from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import gradient, viscosity, weight
-from sph_gym.solver.lanes import like, reciprocal, rsqrt, select
-from sph_gym.solver.neighbors import rows, span
+from sph_gym.solver.lanes import broadcast, like, load, reciprocal, rsqrt, select, store, width
+from sph_gym.solver.neighbors import (
+    BEGIN,
+    END,
+    MIDDLE,
+    SIZE,
+    WIDEST_GROUP,
+    collect,
+    compact_group,
+    count,
+    count_rows,
+    fluid_range,
+    neighbor,
+    own_part,
+    row_range,
+    wall_range,
+)
+from sph_gym.solver.teams import share
 
 # Added to r^2 [m^2]: the direction of two coincident particles is 0 / 1e-15 = 0, not NaN.
 COINCIDENT = 1e-30
@@ -27,18 +44,20 @@ COINCIDENT = 1e-30
 class Constants(NamedTuple):
     """Numbers that all pair loops share, in the precision of the arrays.
 
-    h2: h^2 [m^2]; eta2: 0.01 h^2 [m^2]; density_scale: m weight_scale; force_scale:
-    m gradient_scale.
+    h, h2: support radius [m] and its square; reach2: the same with room for rounding; eta2:
+    0.01 h^2 [m^2]; density_scale: m weight_scale; force_scale: m gradient_scale.
     """
 
+    h: Any
     h2: Any
+    reach2: Any
     eta2: Any
     density_scale: Any
     force_scale: Any
 
 
 class Target(NamedTuple):
-    """The particle for which a sum is taken."""
+    """The particles for which a sum is taken."""
 
     x: Any
     y: Any
@@ -48,81 +67,164 @@ class Target(NamedTuple):
     stress: Any
 
 
-@jit
-def add_weights(sources, start, grid, kernel, h2, x, y, total):
-    """total + sum of W shapes between (x, y) and `sources`, itself included if it is one."""
+# --- Density --------------------------------------------------------------------------------
+
+
+@jitable
+def add_weights(sources, lists, first, last, kernel, h2, x, y, total):
+    """total + sum of W shapes between (x, y) and the listed `sources`, itself if it is one."""
     if sources is None:
         return total
-    first_row, last_row = rows(grid, y)
-    for row in range(first_row, last_row):
-        low, high = span(grid, start, row, x)
-        for j in range(low, high):
-            dx = x - sources.x[j]
-            dy = y - sources.y[j]
-            r2 = dx * dx + dy * dy
-            r = r2 * rsqrt(r2 + like(r2, COINCIDENT))
-            total += select(r2 < h2, weight(kernel, r2, r), like(r2, 0.0))
+    zero = like(total, 0.0)
+    for k in range(first, last):
+        j = neighbor(lists, k)
+        dx = x - broadcast(sources.x, j)
+        dy = y - broadcast(sources.y, j)
+        r2 = dx * dx + dy * dy
+        r = r2 * rsqrt(r2 + like(r2, COINCIDENT))
+        total += select(r2 < h2, weight(kernel, r2, r), zero)
     return total
 
 
-@jit
-def compute_fluid_density(fluid, start, walls, wall_start, grid, kernel, eos, constants):
-    """rho and p / rho^2 of every fluid particle: self, fluid and wall contributions."""
-    for i in range(fluid.x.size):
-        x, y = fluid.x[i], fluid.y[i]
-        total = add_weights(fluid, start, grid, kernel, constants.h2, x, y, like(x, 0.0))
-        total = add_weights(walls, wall_start, grid, kernel, constants.h2, x, y, total)
-        rho = constants.density_scale * total
-        fluid.rho[i] = rho
-        fluid.stress[i] = pressure(eos, rho) * reciprocal(rho * rho)
+@jitable
+def store_density(particles, i, n, total, eos, density_scale):
+    """rho and p / rho^2 of particles i to i + n from their kernel sums."""
+    rho = density_scale * total
+    store(particles.rho, i, rho, n)
+    store(particles.stress, i, pressure(eos, rho) * reciprocal(rho * rho), n)
 
 
-@jit
-def compute_wall_sums(walls, start, grid, kernel, h2):
-    """The kernel sums of wall particles over each other, by their public index, once for all."""
-    for i in range(walls.x.size):
-        x, y = walls.x[i], walls.y[i]
-        total = add_weights(walls, start, grid, kernel, h2, x, y, like(x, 0.0))
-        walls.wall_sum[walls.id[i]] = total
+@jitable
+def compute_fluid_density(
+    rank, n_threads, fluid, start, walls, wall_start, grid, lists, kernel, eos, constants
+):
+    """rho and p / rho^2 of a thread's share of the fluid: self, fluid and walls; and the lists.
+
+    Returns whether the thread's list was too short, in which case not all of it was done.
+    """
+    first, last = share(fluid.id.size, rank, n_threads)
+    k, room = own_part(lists, rank, n_threads)
+    for row in range(count_rows(grid)):
+        low, high = row_range(grid, start, row)
+        i, high = max(low, first), min(high, last)
+        while i < high:
+            n = min(width(fluid.x), high - i)
+            n, k = list_group(
+                lists, fluid, start, walls, wall_start, grid, constants, i, n, k, room
+            )
+            if k > room:
+                return True
+            x, y = load(fluid.x, i), load(fluid.y, i)
+            begin, end = fluid_range(lists, i, fluid.id.size)
+            total = add_weights(
+                fluid, lists, begin, end, kernel, constants.h2, x, y, like(x, 0.0)
+            )
+            begin, end = wall_range(lists, i, count(walls))
+            total = add_weights(walls, lists, begin, end, kernel, constants.h2, x, y, total)
+            store_density(fluid, i, n, total, eos, constants.density_scale)
+            i += n
+    return False
 
 
-@jit
-def compute_wall_density(walls, fluid, start, grid, kernel, eos, constants):
+@jitable
+def list_group(lists, fluid, start, walls, wall_start, grid, constants, i, n, k, room):
+    """Write down the neighbours of a group of at most n; its size and the list's new end."""
+    if lists is None:
+        return n, k
+    n, box = compact_group(fluid, i, n, WIDEST_GROUP * constants.h)
+    middle = collect(grid, start, fluid, box, constants.reach2, lists, k, room)
+    end = collect(grid, wall_start, walls, box, constants.reach2, lists, middle, room)
+    groups = lists.groups
+    groups[4 * i + BEGIN], groups[4 * i + MIDDLE] = k, middle
+    groups[4 * i + END], groups[4 * i + SIZE] = end, n
+    return n, end
+
+
+@jitable
+def list_sources(lists, walls, sources, start, grid, constants, i, n, begin, room):
+    """The neighbours of a group of wall particles, for this moment only; its size, their end."""
+    if lists is None:
+        return n, sources.id.size
+    n, box = compact_group(walls, i, n, WIDEST_GROUP * constants.h)
+    return n, collect(grid, start, sources, box, constants.reach2, lists, begin, room)
+
+
+@jitable
+def compute_wall_density(
+    rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid, lists, kernel, eos, constants
+):
     """The same for wall particles, whose sum over each other never changes."""
     if walls is None:
-        return
-    for i in range(walls.x.size):
-        x, y = walls.x[i], walls.y[i]
-        total = walls.wall_sum[walls.id[i]]
-        total = add_weights(fluid, start, grid, kernel, constants.h2, x, y, total)
-        rho = constants.density_scale * total
-        walls.rho[i] = rho
-        walls.stress[i] = pressure(eos, rho) * reciprocal(rho * rho)
+        return False
+    first, last = share(walls.id.size, rank, n_threads)
+    begin, room = own_part(lists, rank, n_threads)
+    for row in range(count_rows(grid)):
+        low, high = row_range(grid, wall_start, row)
+        i, high = max(low, first), min(high, last)
+        while i < high:
+            n = min(width(walls.x), high - i)
+            n, end = list_sources(
+                lists, walls, fluid, start, grid, constants, i, n, begin, room
+            )
+            if lists is not None and end > room:
+                return True
+            x, y, total = load(walls.x, i), load(walls.y, i), load(wall_sums, i)
+            total = add_weights(fluid, lists, begin, end, kernel, constants.h2, x, y, total)
+            store_density(walls, i, n, total, eos, constants.density_scale)
+            i += n
+    return False
 
 
-@jit
+@jitable
+def compute_wall_sums(walls, wall_sums, wall_start, grid, lists, n_threads, kernel, constants):
+    """The kernel sums of wall particles over each other, once for all, in the order of `walls`.
+
+    Returns whether the first thread's part of the list was too short.
+    """
+    begin, room = own_part(lists, 0, n_threads)
+    for row in range(count_rows(grid)):
+        i, high = row_range(grid, wall_start, row)
+        while i < high:
+            n = min(width(walls.x), high - i)
+            n, end = list_sources(
+                lists, walls, walls, wall_start, grid, constants, i, n, begin, room
+            )
+            if lists is not None and end > room:
+                return True
+            x, y = load(walls.x, i), load(walls.y, i)
+            total = add_weights(
+                walls, lists, begin, end, kernel, constants.h2, x, y, like(x, 0.0)
+            )
+            store(wall_sums, i, total, n)
+            i += n
+    return False
+
+
+# --- Forces ---------------------------------------------------------------------------------
+
+
+@jitable
 def add_pair(target, sources, j, kernel, constants, effects, sums):
     """sums + everything that particle j of `sources` does to `target`."""
-    dx = target.x - sources.x[j]
-    dy = target.y - sources.y[j]
-    r2 = dx * dx + dy * dy
-    inv_r = rsqrt(r2 + like(r2, COINCIDENT))
+    dx = target.x - broadcast(sources.x, j)
+    dy = target.y - broadcast(sources.y, j)
+    r2 = dx * dx + dy * dy + like(dx, COINCIDENT)
+    inv_r = rsqrt(r2)
     r = r2 * inv_r
-    rho = target.rho + sources.rho[j]
     softened_r2 = r2 + constants.eta2
-    inv_rho_r2 = reciprocal(softened_r2 * rho)
-    zero = like(r2, 0.0)
+    inv_rho_r2 = reciprocal(softened_r2 * (target.rho + broadcast(sources.rho, j)))
+    near, zero = r2 < constants.h2, like(r2, 0.0)
     pair = Pair(
         dx,
         dy,
-        target.u - sources.u[j],
-        target.v - sources.v[j],
-        target.stress + sources.stress[j],
+        target.u - broadcast(sources.u, j),
+        target.v - broadcast(sources.v, j),
+        target.stress + broadcast(sources.stress, j),
         inv_rho_r2 * softened_r2,
         inv_rho_r2,
-        select(r2 < constants.h2, weight(kernel, r2, r), zero),
-        select(r2 < constants.h2, gradient(kernel, r2, r, inv_r), zero),
-        select(r2 < constants.h2, viscosity(kernel, r2, r), zero),
+        select(near, weight(kernel, r2, r), zero),
+        select(near, gradient(kernel, r2, r, inv_r), zero),
+        select(near, viscosity(kernel, r2, r), zero),
     )
     stress = add_artificial_viscosity(effects.artificial_viscosity, pair, pair.stress)
     ax, ay = add_pressure(stress, pair, sums.ax, sums.ay)
@@ -131,25 +233,31 @@ def add_pair(target, sources, j, kernel, constants, effects, sums):
     return Sums(ax, ay, sx, sy)
 
 
-@jit
-def add_forces(target, sources, start, grid, kernel, constants, effects, sums):
-    """sums + everything that all particles of `sources` do to `target`."""
+@jitable
+def add_forces(target, sources, lists, first, last, kernel, constants, effects, sums):
+    """sums + everything that the listed particles of `sources` do to `target`."""
     if sources is None:
         return sums
-    first_row, last_row = rows(grid, target.y)
-    for row in range(first_row, last_row):
-        low, high = span(grid, start, row, target.x)
-        for j in range(low, high):
-            sums = add_pair(target, sources, j, kernel, constants, effects, sums)
+    for k in range(first, last):
+        j = neighbor(lists, k)
+        sums = add_pair(target, sources, j, kernel, constants, effects, sums)
     return sums
 
 
-@jit
-def force_sums(i, fluid, start, walls, wall_start, grid, model):
-    """The sums of fluid particle i over fluid and walls."""
-    target = Target(fluid.x[i], fluid.y[i], fluid.u[i], fluid.v[i], fluid.rho[i], fluid.stress[i])
+@jitable
+def force_sums(i, fluid, walls, lists, kernel, constants, effects, wall_effects):
+    """The sums of the group that begins with fluid particle i, over fluid and walls."""
+    target = Target(
+        load(fluid.x, i),
+        load(fluid.y, i),
+        load(fluid.u, i),
+        load(fluid.v, i),
+        load(fluid.rho, i),
+        load(fluid.stress, i),
+    )
     zero = like(target.x, 0.0)
     sums = Sums(zero, zero, zero, zero)
-    kernel, constants = model.kernel, model.constants
-    sums = add_forces(target, fluid, start, grid, kernel, constants, model.effects, sums)
-    return add_forces(target, walls, wall_start, grid, kernel, constants, model.wall_effects, sums)
+    begin, end = fluid_range(lists, i, fluid.id.size)
+    sums = add_forces(target, fluid, lists, begin, end, kernel, constants, effects, sums)
+    begin, end = wall_range(lists, i, count(walls))
+    return add_forces(target, walls, lists, begin, end, kernel, constants, wall_effects, sums)

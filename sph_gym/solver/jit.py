@@ -9,13 +9,21 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, cast
 
 import numba
-from numba.extending import overload
+from numba.core import types
+from numba.core.compiler import Compiler
+from numba.core.compiler_machinery import AnalysisPass, register_pass
+from numba.core.typed_passes import IRLegalization
+from numba.extending import overload, register_jitable
+
+from sph_gym.solver import target
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Everything in "fast" but nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708).
 FASTMATH = {"reassoc", "contract", "arcp", "afn", "nsz"}
-OPTIONS: Any = {"error_model": "numpy", "nogil": True, "fastmath": FASTMATH}
+FULL_OPT = numba.config.OPT
+HELPER_OPT = 1
+OPTIONS: Any = {"error_model": "numpy", "nogil": True, "fastmath": FASTMATH, "_nrt": False}
 
 
 def cache_home() -> Path:
@@ -32,14 +40,52 @@ def cache_home() -> Path:
 @cache
 def source_hash() -> str:
     """Hash of the solver's sources and of the compiler: the key of all that they produce."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version} {target.KEY}".encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
 
+class _LightHelpers(Compiler):
+    """Numba's pipeline, but helpers are optimised only as part of what they are compiled into.
+
+    Numba optimises every function on its own and once more in each of its callers. In a tree of
+    small helpers that is most of the compile time, for code that nobody runs.
+    """
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile `func`; its helpers are compiled meanwhile, before its own lowering."""
+        config: Any = numba.config
+        previous, config.OPT = config.OPT, HELPER_OPT
+        try:
+            return super().compile_extra(func)
+        finally:
+            config.OPT = previous
+
+    def define_pipelines(self) -> list[Any]:
+        """The default pipeline with one more pass right before code is made."""
+        [pipeline] = super().define_pipelines()
+        pipeline.add_pass_after(_Optimise, IRLegalization)
+        pipeline.finalize()
+        return [pipeline]
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _Optimise(AnalysisPass):
+    _name = "sph_gym_optimise"
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def run_pass(self, state: Any) -> bool:
+        """From here on it is the entry point's own code that is optimised."""
+        config: Any = numba.config
+        config.OPT = FULL_OPT
+        return True
+
+
 def jit(function: Function) -> Function:
-    """Compile `function` on first use, without the GIL, and cache the machine code on disk.
+    """Compile a function that Python calls, on first use, without the GIL, cached on disk.
 
     Numba looks only at a function's own file to see whether its cache is stale, so an edited
     helper would go on running as it was (numba #1833). A folder named by the hash of all sources
@@ -48,14 +94,20 @@ def jit(function: Function) -> Function:
     config: Any = numba.config
     if config.DISABLE_JIT:
         return function
+    options = OPTIONS | {"pipeline_class": _LightHelpers}
     previous = config.CACHE_DIR
     config.CACHE_DIR = str(cache_home() / "jit" / source_hash())
     try:
-        return numba.njit(cache=True, **OPTIONS)(function)
+        return numba.njit(cache=True, **options)(function)
     except (OSError, RuntimeError):
-        return numba.njit(**OPTIONS)(function)
+        return numba.njit(**options)(function)
     finally:
         config.CACHE_DIR = previous
+
+
+def jitable(function: Function) -> Function:
+    """A helper that is compiled into the `jit` functions which call it; plain Python otherwise."""
+    return cast(Function, register_jitable(**OPTIONS)(function))
 
 
 class Family(Protocol):
@@ -93,3 +145,23 @@ def dispatch(function: Callable[..., Any]) -> Family:
     family.member = member  # type: ignore[attr-defined]
     overload(family, strict=False, jit_options=OPTIONS)(choose)
     return cast(Family, family)
+
+
+def absent_if_none(function: Function) -> Function:
+    """Let `function` return None, at compile time, where its first argument is None.
+
+    A compiled `if x is None: return None` would make every result one that might be None.
+    """
+
+    def absent(first: Any, *rest: Any) -> Any:
+        return None
+
+    def either(first: Any, *rest: Any) -> Any:
+        return None if first is None else function(first, *rest)
+
+    def choose(first: Any, *rest: Any) -> Callable[..., Any]:
+        return absent if isinstance(first, types.NoneType) else function
+
+    either.__name__, either.__doc__ = function.__name__, function.__doc__
+    overload(either, strict=False, jit_options=OPTIONS)(choose)
+    return cast(Function, either)

@@ -1,23 +1,45 @@
 """Who may be a neighbour of whom: a cell grid, and brute force behind the same interface.
 
-Both answer two questions: which rows of cells can hold neighbours of a particle (`rows`), and
-which consecutive particles of such a row (`span`). Particles are kept sorted by cell, so that a
-span is a plain range of indices. `grid=None` means brute force: one row, everybody in it. If a
-run goes well without the grid and not with it, the fault is in this file.
+Fluid particles are kept sorted by cell. A *group* is as many consecutive particles of a row of
+cells as there are lanes; its neighbours are written down once a step, as indices of all particles
+within the support radius of the rectangle around the group, first the fluid's, then the wall's.
+Density and force then run over that list.
+
+`frame=None` means brute force: no cells, no rectangles, no list, everybody is everybody's
+neighbour. If a run goes well so and not with the grid, the fault is in this file.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.solver.jit import jit
-from sph_gym.solver.state import Floats, Indices, Particles, WallParticles
+from sph_gym.solver.jit import absent_if_none, jitable
+from sph_gym.solver.lanes import (
+    append,
+    broadcast,
+    entry,
+    first_lanes,
+    highest,
+    like,
+    load,
+    lowest,
+    maximum,
+    minimum,
+    select,
+    width,
+)
+from sph_gym.solver.state import Floats, Indices
+from sph_gym.solver.teams import meet, share
 
 # A cell as wide as the support loses pairs to rounding on lattices with a whole h / dx.
 SLACK = 1.001
 COLUMNS_PER_SUPPORT = 4
-CELLS_PER_PARTICLE = 16
+CELLS_PER_PARTICLE = 8
+# A group that is wider than this many support radii, across a gap or a corner, is cut in two.
+WIDEST_GROUP = 4.0
+# Sigma clipping of the grid: strays beyond so many standard deviations are left out.
+STRAY = 3.0
 
 
 class Grid(NamedTuple):
@@ -35,7 +57,51 @@ class Grid(NamedTuple):
     n_rows: int
 
 
-@jit
+class Rectangle(NamedTuple):
+    """The smallest one around some particles [m]."""
+
+    x_low: Any
+    x_high: Any
+    y_low: Any
+    y_high: Any
+
+
+class Sorting(NamedTuple):
+    """What the sort needs besides the particles.
+
+    frame: (6,) the numbers of the present `Grid`, None for brute force; counts: (n_threads,
+    n_cells) and cells: (n_particles,) scratch; shares: (n_threads,) particles in the cells that
+    are each thread's part.
+    """
+
+    frame: Floats | None
+    counts: Indices
+    cells: Indices
+    shares: Any
+
+
+class Lists(NamedTuple):
+    """The neighbours of every group; None for brute force.
+
+    entries: indices of particles, a part of the array for each thread; groups: (4 n,) for the
+    group that begins with fluid particle i, from 4 i on: where in `entries` its fluid neighbours
+    begin, where they end and its wall neighbours begin, where those end, and its size.
+    """
+
+    entries: Indices
+    groups: Any
+
+
+# --- Cells ----------------------------------------------------------------------------------
+
+
+@absent_if_none
+def read_grid(frame):
+    """The grid that is in force; None for brute force."""
+    return Grid(frame[0], frame[1], frame[2], frame[3], int(frame[4]), int(frame[5]))
+
+
+@jitable
 def _clamped(position, n):
     """Index of a cell from its place in cell widths; written so that NaN gives 0."""
     if position >= n:
@@ -43,16 +109,33 @@ def _clamped(position, n):
     return int(position) if position > 0.0 else 0
 
 
-@jit
+@jitable
+def _column(grid, x):
+    return _clamped((x - grid.x0) * grid.columns_per_m, grid.n_columns)
+
+
+@jitable
+def _row(grid, y):
+    return _clamped((y - grid.y0) * grid.rows_per_m, grid.n_rows)
+
+
+@jitable
 def cell(grid, x, y):
     """Index of the cell in which a particle at x, y [m] is kept."""
     if grid is None:
         return 0
-    column = _clamped((x - grid.x0) * grid.columns_per_m, grid.n_columns)
-    return _clamped((y - grid.y0) * grid.rows_per_m, grid.n_rows) * grid.n_columns + column
+    return _row(grid, y) * grid.n_columns + _column(grid, x)
 
 
-@jit
+@jitable
+def count_rows(grid):
+    """Number of rows of cells."""
+    if grid is None:
+        return 1
+    return grid.n_rows
+
+
+@jitable
 def count_cells(grid):
     """Number of cells."""
     if grid is None:
@@ -60,84 +143,244 @@ def count_cells(grid):
     return grid.n_columns * grid.n_rows
 
 
-@jit
-def rows(grid, y):
-    """First and last-plus-one row of cells that can hold neighbours of a particle at y [m]."""
+@jitable
+def row_range(grid, start, row):
+    """First and last-plus-one particle of a row of cells."""
     if grid is None:
-        return 0, 1
-    row = _clamped((y - grid.y0) * grid.rows_per_m, grid.n_rows)
-    return max(row - 1, 0), min(row + 2, grid.n_rows)
+        return start[0], start[1]
+    return start[row * grid.n_columns], start[(row + 1) * grid.n_columns]
 
 
-@jit
-def span(grid, start, row, x):
-    """Unsigned range of the particles in `row` that can be neighbours of one at x [m]."""
-    if grid is None:
-        return np.uint64(start[0]), np.uint64(start[1])
-    column = _clamped((x - grid.x0) * grid.columns_per_m, grid.n_columns)
-    first = max(column - COLUMNS_PER_SUPPORT, 0)
-    last = min(column + COLUMNS_PER_SUPPORT, grid.n_columns - 1)
-    base = row * grid.n_columns
-    return np.uint64(start[base + first]), np.uint64(start[base + last + 1])
-
-
-@jit
-def sort_into_cells(grid, source, target, start, cells):
+@jitable
+def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start):
     """Copy positions, velocities and ids from `source` to `target` in the order of their cells.
 
-    A stable counting sort. Afterwards cell c holds target[start[c]:start[c + 1]]; `start` has
-    count_cells + 2 entries, `cells` one a particle, both are scratch.
+    A stable counting sort, each thread moving its share. Afterwards cell c holds
+    target[start[c]:start[c + 1]]. Returns False if the team was told to stop.
     """
-    n = source.x.size
-    start[: count_cells(grid) + 2] = 0
-    for i in range(n):
+    n_cells = count_cells(grid)
+    counts, cells = sorting.counts, sorting.cells
+    for c in range(n_cells):
+        counts[rank, c] = 0
+    first, last = share(source.id.size, rank, n_threads)
+    for i in range(first, last):
         c = cell(grid, source.x[i], source.y[i])
         cells[i] = c
-        start[c + 2] += 1
-    total = 0
-    for c in range(2, count_cells(grid) + 2):
-        total += start[c]
-        start[c] = total
-    for i in range(n):
-        k = start[cells[i] + 1]
-        start[cells[i] + 1] = k + 1
+        counts[rank, c] += 1
+    if not meet(team, n_threads):
+        return False
+    if not _find_starts(rank, n_threads, team, n_cells, counts, sorting.shares, start):
+        return False
+    for i in range(first, last):
+        c = cells[i]
+        k = counts[rank, c]
+        counts[rank, c] = k + 1
         target.x[k] = source.x[i]
         target.y[k] = source.y[i]
         target.u[k] = source.u[i]
         target.v[k] = source.v[i]
         target.id[k] = source.id[i]
+    return meet(team, n_threads)
 
 
-def make_grid(fluid: Particles, walls: WallParticles | None, h: float) -> Grid:
-    """The grid that covers all particles, or the bulk of them where a few are far away."""
+@jitable
+def _find_starts(rank, n_threads, team, n_cells, counts, shares, start):
+    """Turn the counts of all threads into the place of the first particle of each, cell by cell."""
+    first, last = share(n_cells, rank, n_threads)
+    place = 0
+    if n_threads > 1:
+        total = 0
+        for t in range(n_threads):
+            for c in range(first, last):
+                total += counts[t, c]
+        shares[rank] = total
+        if not meet(team, n_threads):
+            return False
+        for t in range(rank):
+            place += shares[t]
+    for c in range(first, last):
+        start[c] = place
+        for t in range(n_threads):
+            count = counts[t, c]
+            counts[t, c] = place
+            place += count
+    if rank == n_threads - 1:
+        start[n_cells] = place
+    return meet(team, n_threads)
+
+
+# --- Laying the grid ------------------------------------------------------------------------
+
+
+@jitable
+def rectangle(particles, i, n):
+    """The rectangle around particles i to i + n."""
+    x_low = x_high = broadcast(particles.x, i)
+    y_low = y_high = broadcast(particles.y, i)
+    for k in range(i, i + n, width(particles.x)):
+        x, y = load(particles.x, k), load(particles.y, k)
+        inside = first_lanes(x, i + n - k)
+        x, y = select(inside, x, x_low), select(inside, y, y_low)
+        x_low, x_high = minimum(x_low, x), maximum(x_high, x)
+        y_low, y_high = minimum(y_low, y), maximum(y_high, y)
+    return Rectangle(lowest(x_low), highest(x_high), lowest(y_low), highest(y_high))
+
+
+@jitable
+def lay_grid(frame, fluid, h, n_cells):
+    """Lay the grid over where the fluid is, one support radius beyond; False if it is the same.
+
+    Where a few strays would make it larger than `n_cells`, it covers the bulk of the fluid.
+    """
+    if frame is None:
+        return True
     height = SLACK * h
-    width = height / COLUMNS_PER_SUPPORT
-    n_particles = fluid.x.size + (0 if walls is None else walls.x.size)
-    budget = CELLS_PER_PARTICLE * n_particles + 64
-    for quantile in (0.0, 0.02):
-        x0, n_columns = _side(fluid.x, None if walls is None else walls.x, width, quantile)
-        y0, n_rows = _side(fluid.y, None if walls is None else walls.y, height, quantile)
-        if n_columns * n_rows <= budget:
+    cell_width = height / COLUMNS_PER_SUPPORT
+    box = rectangle(fluid, 0, fluid.id.size)
+    x_low, x_high = float(box.x_low), float(box.x_high)
+    y_low, y_high = float(box.y_low), float(box.y_high)
+    for _ in range(40):
+        first_column = math.floor(x_low / cell_width) - COLUMNS_PER_SUPPORT
+        first_row = math.floor(y_low / height) - 1
+        n_columns = math.floor(x_high / cell_width) + COLUMNS_PER_SUPPORT + 1 - first_column
+        n_rows = math.floor(y_high / height) + 2 - first_row
+        if n_columns * n_rows <= n_cells:
             break
+        x_low, x_high = _bulk(fluid.x, fluid.id.size, x_low, x_high)
+        y_low, y_high = _bulk(fluid.y, fluid.id.size, y_low, y_high)
     else:
-        side = math.floor(math.sqrt(budget))
+        side = math.floor(math.sqrt(n_cells))
         n_columns, n_rows = min(n_columns, side), min(n_rows, side)
-    return Grid(x0, y0, 1 / width, 1 / height, int(n_columns), int(n_rows))
+    x0, y0 = first_column * cell_width, first_row * height
+    same = frame[0] == x0 and frame[1] == y0 and frame[4] == n_columns and frame[5] == n_rows
+    frame[0], frame[1], frame[2], frame[3] = x0, y0, 1 / cell_width, 1 / height
+    frame[4], frame[5] = n_columns, n_rows
+    return not same
 
 
-def _side(fluid: Floats, walls: Floats | None, size: float, quantile: float) -> tuple[float, float]:
-    """Where the cells begin [m], on a multiple of their size, and how many there are."""
-    bounds = (
-        np.quantile(fluid, (quantile, 1 - quantile)) if quantile else (fluid.min(), fluid.max())
+@jitable
+def _bulk(values, n, low, high):
+    """Mean -+ STRAY standard deviations of the values in [low, high], and no wider than that."""
+    count = 0
+    total = total2 = 0.0
+    middle = 0.5 * (low + high)
+    for i in range(n):
+        value = float(values[i])
+        if low <= value <= high:
+            count += 1
+            total += value - middle
+            total2 += (value - middle) ** 2
+    mean = total / max(count, 1)
+    reach = STRAY * math.sqrt(max(total2 / max(count, 1) - mean * mean, 0.0))
+    return max(low, middle + mean - reach), min(high, middle + mean + reach)
+
+
+# --- Lists ----------------------------------------------------------------------------------
+
+BEGIN, MIDDLE, END, SIZE = 0, 1, 2, 3
+
+
+@jitable
+def neighbor(lists, k):
+    """The k-th neighbour: with brute force that is particle k."""
+    if lists is None:
+        return k
+    return entry(lists.entries, k)
+
+
+@jitable
+def own_part(lists, rank, n_threads):
+    """Where in `entries` a thread's list begins and has to end."""
+    if lists is None:
+        return 0, 0
+    return share(lists.entries.size, rank, n_threads)
+
+
+@jitable
+def group_size(lists, i, most):
+    """How many particles, `most` at most, are in the group that begins with fluid particle i."""
+    if lists is None:
+        return most
+    return entry(lists.groups, 4 * i + SIZE)
+
+
+@jitable
+def fluid_range(lists, i, n_fluid):
+    """Where the fluid neighbours of the group of particle i begin and end."""
+    if lists is None:
+        return 0, n_fluid
+    return entry(lists.groups, 4 * i + BEGIN), entry(lists.groups, 4 * i + MIDDLE)
+
+
+@jitable
+def wall_range(lists, i, n_walls):
+    """Where its wall neighbours begin and end."""
+    if lists is None:
+        return 0, n_walls
+    return entry(lists.groups, 4 * i + MIDDLE), entry(lists.groups, 4 * i + END)
+
+
+@jitable
+def count(particles):
+    """How many there are; 0 for None."""
+    if particles is None:
+        return 0
+    return particles.id.size
+
+
+@jitable
+def compact_group(particles, i, n, widest):
+    """A group of at most n particles from i on that isn't wider than `widest` [m], its rectangle.
+
+    Sorted neighbours may lie far apart: at the two ends of a gap, or outside the grid.
+    """
+    box = rectangle(particles, i, n)
+    while n > 1 and (box.x_high - box.x_low > widest or box.y_high - box.y_low > widest):
+        n = (n + 1) // 2
+        box = rectangle(particles, i, n)
+    return n, box
+
+
+@jitable
+def collect(grid, start, sources, box, h2, lists, k, room):
+    """Append all of `sources` within sqrt(h2) of the rectangle; the new end of the list.
+
+    Where there might not be room, nothing is written and an end beyond `room` is returned.
+    """
+    if sources is None:
+        return k
+    row_low, row_high = _row(grid, box.y_low), _row(grid, box.y_high)
+    column_low, column_high = _column(grid, box.x_low), _column(grid, box.x_high)
+    first_column = max(column_low - COLUMNS_PER_SUPPORT, 0)
+    last_column = min(column_high + COLUMNS_PER_SUPPORT, grid.n_columns - 1)
+    n_lanes = width(sources.x)
+    for row in range(max(row_low - 1, 0), min(row_high + 2, grid.n_rows)):
+        low = start[row * grid.n_columns + first_column]
+        high = start[row * grid.n_columns + last_column + 1]
+        if k + (high - low) + 2 * n_lanes > room:
+            return room + 1
+        for j in range(low, high, n_lanes):
+            x, y = load(sources.x, j), load(sources.y, j)
+            zero = like(x, 0.0)
+            dx = maximum(maximum(box.x_low - x, x - box.x_high), zero)
+            dy = maximum(maximum(box.y_low - y, y - box.y_high), zero)
+            near = dx * dx + dy * dy < h2
+            k = append(lists.entries, k, j, near & first_lanes(x, high - j))
+    return k
+
+
+def make_sorting(n_fluid: int, n_walls: int, brute: bool, n_threads: int) -> Sorting:
+    """Arrays to sort so many particles with."""
+    n_cells = 1 if brute else CELLS_PER_PARTICLE * n_fluid + 64
+    return Sorting(
+        None if brute else np.zeros(6),
+        np.zeros((n_threads, n_cells), np.int32),
+        np.zeros(max(n_fluid, n_walls), np.int32),
+        np.zeros(n_threads, np.int64),
     )
-    low, high = float(bounds[0]), float(bounds[1])
-    if walls is not None:
-        low, high = min(low, float(walls.min())), max(high, float(walls.max()))
-    first = math.floor(low / size)
-    return first * size, float(math.floor(high / size) - first + 1)
 
 
-def scratch(grid: Grid | None, n: int) -> tuple[Indices, Indices]:
-    """Arrays `start` and `cells` for `sort_into_cells`."""
-    n_cells = 1 if grid is None else grid.n_columns * grid.n_rows
-    return np.zeros(n_cells + 2, np.int32), np.zeros(n, np.int32)
+def make_lists(n_fluid: int, n_threads: int, entries_per_particle: float) -> Lists:
+    """Lists with room for so many entries; how many there will be, nobody knows beforehand."""
+    n_entries = 4096 * n_threads + int(entries_per_particle * n_fluid)
+    return Lists(np.zeros(n_entries, np.int32), np.zeros(4 * n_fluid, np.int64))

@@ -7,19 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver import diagnostics, failure, forces, stepping
-from sph_gym.solver.checks import known, positive
-from sph_gym.solver.model import make_model, particle_mass
-from sph_gym.solver.neighbors import make_grid, scratch, sort_into_cells
+from sph_gym.solver import diagnostics, failure, stepping, teams
+from sph_gym.solver.checks import known, positive, whole
+from sph_gym.solver.engine import STATE, Engine
+from sph_gym.solver.model import particle_mass
 from sph_gym.solver.scene import Gravity, Scene, check_controls
-from sph_gym.solver.state import (
-    Controls,
-    Indices,
-    Particles,
-    WallParticles,
-    allocate_particles,
-    empty_like,
-)
+from sph_gym.solver.state import Controls
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
@@ -54,65 +47,36 @@ class Report:
 class Simulation:
     """A scene in motion.
 
-    dtype: "float64" or "float32", the precision of the particles; neighbors: "grid" or "brute".
-    `controls` may be set at any time between two calls. Raises ValueError for unknown names.
+    dtype: "float64" or "float32", the precision of the particles; neighbors: "grid" or "brute";
+    threads: the most to use, by default the CPUs that the process may use; a small cloud uses
+    fewer, and the result is bitwise the same for any number. `controls` may be set at any time
+    between two calls. Raises ValueError for unknown names and for less than one thread.
     """
 
-    def __init__(self, scene: Scene, dtype: str = "float64", neighbors: str = "grid") -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        dtype: str = "float64",
+        neighbors: str = "grid",
+        threads: int | None = None,
+    ) -> None:
         if not isinstance(scene, Scene):
             raise ValueError(f"scene: expected a Scene, got {scene!r}")
         self.scene = scene
         self.dtype = known("dtype", dtype, DTYPES)
         self.neighbors = known("neighbors", neighbors, NEIGHBORS)
+        most = teams.most_threads() if threads is None else whole("threads", threads, at_least=1)
         self._float = DTYPES[self.dtype]
-        self._h2 = self._float(scene.h**2)
         self.mass = particle_mass(scene)
         self.time = 0.0
-        self._fluid = allocate_particles(scene.x, scene.v, self._float)  # type: ignore[arg-type]
-        self._spare = empty_like(self._fluid)
         self._controls = self._initial_controls()
-        self._model = make_model(scene, self._controls, self.mass, self._float)
-        self._make_walls()
-        self._progress = np.zeros(2, np.int64)
-        self._ax, self._ay = np.zeros_like(self._fluid.x), np.zeros_like(self._fluid.x)
+        brute = self.neighbors == "brute"
+        self._engine = Engine(scene, self._controls, self.mass, self._float, brute, most)
+        self._acceleration: tuple[Any, Any] | None = None
         self.last_report = Report(0, self._controls.dt)
-        self._evaluate_density()
         self._totals = self._sum()
         self._ledger = diagnostics.Ledger(self._totals, *self._energy_scales())
         self._nominal_dt()
-
-    # --- what it is made of -----------------------------------------------------------------
-
-    def _make_walls(self) -> None:
-        self._walls: WallParticles | None = None
-        self._wall_source: WallParticles | None = None
-        self._wall_start: Indices | None = None
-        self._grid: Any = ()
-        walls = self.scene.walls
-        if walls is not None and walls.particles is not None:
-            positions = np.asarray(walls.particles)
-            bare = allocate_particles(positions, np.zeros_like(positions), self._float)
-            wall_sum = np.zeros_like(bare.x)
-            self._wall_source = WallParticles(*bare, wall_sum)
-            self._walls = WallParticles(*empty_like(bare), wall_sum)
-            self._regrid()
-            forces.compute_wall_sums(
-                self._walls, self._wall_start, self._grid, self._model.kernel, self._h2
-            )
-
-    def _regrid(self) -> None:
-        """Lay the grid anew over where the particles are now, and sort the walls into it."""
-        grid = None
-        if self.neighbors == "grid":
-            grid = make_grid(self._fluid, self._wall_source, self.scene.h)
-        if grid == self._grid:
-            return
-        self._grid = grid
-        self._start, self._cells = scratch(grid, self._fluid.x.size)
-        if self._walls is not None and self._wall_source is not None:
-            # always from the same order, so that a restored run sums in the order of the first
-            self._wall_start, cells = scratch(grid, self._walls.x.size)
-            sort_into_cells(grid, self._wall_source, self._walls, self._wall_start, cells)
 
     def _initial_controls(self) -> Controls:
         if self.scene.controls is not None:
@@ -137,10 +101,11 @@ class Simulation:
         before, self._controls = self._controls, check_controls(controls)
         if self._controls[1:] == before[1:]:
             return
-        self._model = make_model(self.scene, self._controls, self.mass, self._float)
+        self._engine.set_controls(self._controls)
         if self._controls.stiffness != before.stiffness:
             # densities stay, pressures and the stored energy follow the stiffness
-            self._evaluate_density()
+            self._engine.renew()
+            self._acceleration = None
             held, self._totals = self._totals, self._sum()
             self._ledger.add_control(self._totals.internal - held.internal)
 
@@ -156,8 +121,7 @@ class Simulation:
 
     def stable_dt(self) -> float:
         """The article's stable step [s] for the present state; see `stepping.stable_dt`."""
-        self.evaluate()
-        a_max = float(np.sqrt(np.max(self._ax**2 + self._ay**2)))
+        a_max = float(self._acceleration_sizes().max())
         nu = self.scene.effects.laminar_viscosity
         return stepping.stable_dt(self.scene.h, self.sound_speed, a_max, nu)
 
@@ -171,10 +135,18 @@ class Simulation:
         substeps and leaves a state to go on from. Raises ValueError if `seconds` isn't positive
         or would take more than 10^12 substeps.
         """
-        self.last_report = self._advance(seconds)
+        journey = Journey(self, seconds)
+        while not journey.over:
+            leg = journey.next_leg()
+            try:
+                steps, bad = self._engine.run(*leg)
+            except KeyboardInterrupt:
+                journey.book(self._engine.steps, -1, interrupted=True)
+                raise
+            journey.book(steps, bad)
         return self.last_report
 
-    def _advance(self, seconds: float) -> Report:
+    def _count_substeps(self, seconds: float) -> int:
         positive("seconds", seconds)
         ratio = seconds / self._controls.dt - 1e-9
         if not ratio < MAX_SUBSTEPS:
@@ -182,82 +154,40 @@ class Simulation:
                 f"seconds: {seconds:g} s in steps of {self._controls.dt:g} s are more than "
                 f"{MAX_SUBSTEPS:g} substeps"
             )
-        n_substeps = max(math.ceil(ratio), 1)
-        dt = seconds / n_substeps
-        began, done = self.time, 0
-        report = Report(0, dt)
-        while done < n_substeps and not report.diverged:
-            interrupt = self._leg(began + done * dt, dt, n_substeps - done)
-            steps, bad = map(int, self._progress)
-            done += steps
-            report = self._book(Report(done, dt), bad, began + (done - (bad >= 0)) * dt)
-            if interrupt is not None:
-                self.last_report = report
-                raise interrupt
-        if not report.diverged:
-            self.time = began + seconds
-        return report
+        return max(math.ceil(ratio), 1)
+
+    def _longest_leg(self, dt: float) -> int:
+        """As many substeps as one compiled call should take, at most a frame's worth."""
+        frame = max(math.ceil(self.scene.frame / dt), 1)
+        return min(frame, max(CHUNK // self.n_particles, 1))
 
     def _book(self, report: Report, bad: int, now: float) -> Report:
-        """Bring everything up to date after a leg, and look whether it went well."""
+        """Bring the sums up to date after a leg, and look whether it went well."""
         began, self.time = self.time, now
+        self._acceleration = None
         if bad >= 0:
-            self._swap()
             return self._failed(report, bad)
-        self._evaluate_density()
         return self._audit(report, began)
 
-    def _leg(self, time: float, dt: float, n_substeps: int) -> KeyboardInterrupt | None:
-        """As many of the substeps as one compiled call should take, at most a frame's worth.
-
-        Ctrl-C is delivered when the compiled call is over, so what it did is read from
-        `_progress` and the interrupt is handed on.
-        """
-        longest = max(math.ceil(self.scene.frame / dt), 1)
-        self._progress[:] = 0, -1
-        try:
-            self._regrid()
-            stepping.advance(
-                self._fluid,
-                self._spare,
-                self._start,
-                self._cells,
-                self._walls,
-                self._wall_start,
-                self._grid,
-                self._model,
-                time,
-                self._float(dt),
-                min(n_substeps, longest, max(CHUNK // self.n_particles, 1)),
-                self._progress,
-            )
-        except KeyboardInterrupt as interrupt:
-            self._grid = ()  # it may have been half laid
-            return interrupt
-        return None
-
-    def _swap(self) -> None:
-        self._fluid, self._spare = self._spare, self._fluid
-        self._stale = True
-
     def _audit(self, report: Report, began: float) -> Report:
-        """Book the energy of this call; more of it than there can be is a blow-up."""
+        """Book the energy of this leg; more of it than there can be is a blow-up."""
         before, self._totals = self._totals, self._sum()
         effects = self.scene.effects
-        moved = np.subtract(self._totals[2:4], before[2:4])
-        mean = (effects.gravity_at(began) + effects.gravity_at(self.time)) / 2
-        self._ledger.add_gravity(self.mass * self.n_fluid * float(mean @ moved))
+        if isinstance(effects.gravity, Gravity):
+            mean = (effects.gravity_at(began) + effects.gravity_at(self.time)) / 2
+            moved = np.subtract(self._totals[2:4], before[2:4])
+            self._ledger.add_gravity(self.mass * self.n_fluid * float(mean @ moved))
         excess = self._ledger.excess(self._totals)
-        if np.isfinite(excess) and excess <= self._ledger.TOLERANCE:
+        if math.isfinite(excess) and excess <= self._ledger.TOLERANCE:
             return report
-        fastest = int(np.argmax(self._fluid.u**2 + self._fluid.v**2))
-        return self._failed(report, fastest)
+        fluid = self._engine.fluid
+        return self._failed(report, int(np.argmax(fluid.u**2 + fluid.v**2)))
 
     def _energy_scales(self) -> tuple[float, float]:
         """Weight times size of the fluid, and an energy that is nothing: rest at 1e-4 c0."""
         fluid_mass = self.mass * self.n_fluid
         gravity = self.scene.effects.gravity
-        size = float(np.ptp(self._fluid.x)) + float(np.ptp(self._fluid.y)) + self.scene.dx
+        size = float(np.ptp(self.scene.x, axis=0).sum()) + self.scene.dx
         g = math.hypot(gravity.x, gravity.y) if isinstance(gravity, Gravity) else 0.0
         return fluid_mass * g * size, fluid_mass * (1e-4 * self.scene.fluid.c0) ** 2
 
@@ -265,117 +195,85 @@ class Simulation:
 
     def _failed(self, report: Report, bad: int) -> Report:
         """Which particle, which link, and why; `bad` is a place in the arrays."""
+        engine = self._engine
+        index = engine.fluid.id[bad]
+        engine.recover()
         self._totals = self._sum()
-        self.evaluate()
-        search = failure.Search(self._start, self._grid, self._model.kernel, self._h2)
-        a = np.hypot(self._ax, self._ay)
-        link, place = failure.broken_link(self._fluid, self._walls, a, search, bad, self.scene.dx)
-        nearest = float(np.sqrt(self._nearest()[0].min())) / self.scene.dx
+        bad = int(np.flatnonzero(engine.fluid.id == index)[0])
+        link, place = failure.broken_link(
+            engine.fluid, engine.walls, self._acceleration_sizes(), bad, self.scene, self.mass
+        )
+        nearest = float(np.sqrt(engine.nearest_and_count()[0].min())) / self.scene.dx
         cause = failure.cause(self.scene, report.dt, self.sound_speed, link, nearest)
-        index = int(self._fluid.id[place])
+        index = int(engine.fluid.id[place])
         return Report(report.n_substeps, report.dt, True, cause, link, index)
 
     # --- evaluation -------------------------------------------------------------------------
 
     def evaluate(self) -> None:
         """Bring rho, p and a up to date with the present positions, without a time step."""
-        if self._stale:  # densities never are: every change of positions or stiffness renews them
-            self._evaluate_acceleration()
-            self._stale = False
+        # densities always are: every change of positions or stiffness renews them
+        if self._acceleration is None:
+            self._acceleration = self._engine.accelerations(self.time)
 
-    def _evaluate_density(self) -> None:
-        self._regrid()
-        stepping.evaluate_density(
-            self._fluid,
-            self._spare,
-            self._start,
-            self._cells,
-            self._walls,
-            self._wall_start,
-            self._grid,
-            self._model,
-        )
-        self._swap()
-
-    def _evaluate_acceleration(self) -> None:
-        stepping.evaluate_acceleration(
-            self._fluid,
-            self._start,
-            self._walls,
-            self._wall_start,
-            self._grid,
-            self._model,
-            self.time,
-            self._ax,
-            self._ay,
-        )
+    def _acceleration_sizes(self) -> Array:
+        """(n_fluid,) |a| [m/s^2] in the order of the arrays."""
+        self.evaluate()
+        assert self._acceleration is not None
+        return np.hypot(*self._acceleration)
 
     def _sum(self) -> diagnostics.Totals:
-        fluid = self.scene.fluid
-        return diagnostics.totals(
-            self._fluid,
-            self._walls,
-            self.mass,
-            float(self._controls.stiffness),
-            float(fluid.rho0),
-            fluid.exponent,
-            fluid.clamp,
-        )
-
-    def _nearest(self) -> tuple[Array, NDArray[np.int32]]:
-        return diagnostics.nearest_and_count(
-            self._fluid,
-            self._start,
-            self._walls,
-            self._wall_start,
-            self._grid,
-            self._h2,
-        )
+        return diagnostics.totals(self._engine.world.totals, self.mass)
 
     # --- what users read --------------------------------------------------------------------
 
     @property
     def n_fluid(self) -> int:
         """Number of fluid particles."""
-        return int(self._fluid.x.size)
+        return int(self._engine.fluid.id.size)
 
     @property
     def n_particles(self) -> int:
         """Number of fluid and wall particles."""
-        return self.n_fluid + (0 if self._walls is None else int(self._walls.x.size))
+        walls = self._engine.walls
+        return self.n_fluid + (0 if walls is None else int(walls.id.size))
 
     def _public(self, fluid: Any, wall: Any = None) -> Array:
         """A column in public order, fluid first; walls are 0 where they have no such value."""
+        n, engine = self.n_fluid, self._engine
         column = np.zeros(self.n_particles, self._float)
-        column[self._fluid.id] = fluid
-        if self._walls is not None and wall is not None:
-            column[self.n_fluid + self._walls.id] = wall
+        column[engine.fluid.id] = fluid[:n]
+        if engine.walls is not None and wall is not None:
+            column[n + engine.walls.id] = wall[: engine.walls.id.size]
         return column
 
-    def _columns(self, first: tuple[Any, Any], second: tuple[Any, Any]) -> Array:
-        return np.stack([self._public(*first), self._public(*second)], axis=-1)
+    def _columns(self, first: Any, second: Any, *walls: Any) -> Array:
+        of_walls = walls or (None, None)
+        columns = (self._public(*pair) for pair in zip((first, second), of_walls, strict=True))
+        return np.stack(list(columns), axis=-1)
 
     @property
     def x(self) -> Array:
         """(n, 2) positions [m], fluid first, in the order of the scene."""
-        walls = self._walls
-        wall_x, wall_y = (None, None) if walls is None else (walls.x, walls.y)
-        return self._columns((self._fluid.x, wall_x), (self._fluid.y, wall_y))
+        fluid, walls = self._engine.fluid, self._engine.walls
+        of_walls = () if walls is None else (walls.x, walls.y)
+        return self._columns(fluid.x, fluid.y, *of_walls)
 
     @property
     def v(self) -> Array:
         """(n, 2) velocities [m/s], not smoothed."""
-        return self._columns((self._fluid.u, None), (self._fluid.v, None))
+        return self._columns(self._engine.fluid.u, self._engine.fluid.v)
 
     @property
     def rho(self) -> Array:
         """(n,) densities [kg/m^3] at the present positions."""
-        return self._public(self._fluid.rho, None if self._walls is None else self._walls.rho)
+        walls = self._engine.walls
+        return self._public(self._engine.fluid.rho, None if walls is None else walls.rho)
 
     @property
     def p(self) -> Array:
         """(n,) pressures [Pa] at the present positions and stiffness."""
-        fluid, walls = self._fluid, self._walls
+        fluid, walls = self._engine.fluid, self._engine.walls
         wall = None if walls is None else walls.stress * walls.rho**2
         return self._public(fluid.stress * fluid.rho**2, wall)
 
@@ -383,13 +281,14 @@ class Simulation:
     def a(self) -> Array:
         """(n, 2) accelerations [m/s^2] at the present positions; 0 for wall particles."""
         self.evaluate()
-        return self._columns((self._ax, None), (self._ay, None))
+        assert self._acceleration is not None
+        return self._columns(*self._acceleration)
 
     @property
     def neighbor_counts(self) -> NDArray[np.int32]:
         """(n_fluid,) how many others, wall particles included, are within the support radius."""
         counts = np.zeros(self.n_fluid, np.int32)
-        counts[self._fluid.id] = self._nearest()[1]
+        counts[self._engine.fluid.id] = self._engine.nearest_and_count()[1]
         return counts
 
     def diagnostics(self) -> dict[str, float]:
@@ -404,12 +303,11 @@ class Simulation:
         mass [m]; momentum_x, momentum_y [kg/s]; angular_momentum [kg m/s]; max_speed [m/s];
         max_acceleration [m/s^2]; mach: max_speed / c; courant: dt c / h.
         """
-        self.evaluate()
-        totals, scene = self._sum(), self.scene
-        nearest, counts = self._nearest()
+        totals, scene = self._totals, self.scene
+        nearest, counts = self._engine.nearest_and_count()
         spacing = np.sqrt(nearest) / scene.dx
         g = scene.effects.gravity_at(self.time)
-        excess = np.maximum(self._fluid.rho / scene.fluid.rho0 - 1.0, 0.0)
+        excess = np.maximum(self._engine.fluid.rho[: self.n_fluid] / scene.fluid.rho0 - 1.0, 0.0)
         return {
             "time": self.time,
             "density_error": totals.compression,
@@ -428,7 +326,7 @@ class Simulation:
             "momentum_y": totals.momentum_y,
             "angular_momentum": totals.angular_momentum,
             "max_speed": totals.max_speed,
-            "max_acceleration": float(np.sqrt(np.max(self._ax**2 + self._ay**2))),
+            "max_acceleration": float(self._acceleration_sizes().max()),
             "mach": totals.max_speed / self.sound_speed,
             "courant": self._controls.dt * self.sound_speed / scene.h,
         }
@@ -438,7 +336,7 @@ class Simulation:
     def snapshot(self) -> dict[str, Any]:
         """The whole state as plain arrays and numbers; going on from it is bit-exact."""
         return {
-            "fluid": {name: array.copy() for name, array in self._fluid._asdict().items()},
+            "fluid": self._engine.state(),
             "time": self.time,
             "controls": tuple(self._controls),
             "ledger": self._ledger.state(),
@@ -451,26 +349,58 @@ class Simulation:
         Raises ValueError if it is of another size, precision or form.
         """
         try:
-            fluid = Particles(**{name: a.copy() for name, a in snapshot["fluid"].items()})
+            fluid = {name: np.asarray(snapshot["fluid"][name]) for name in STATE}
             time, controls = float(snapshot["time"]), check_controls(snapshot["controls"])
             numbers, totals = snapshot["ledger"], diagnostics.Totals(*snapshot["totals"])
             if len(numbers) != len(self._ledger.state()):
                 raise ValueError(f"ledger of {len(numbers)} numbers")
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"snapshot: not one of Simulation.snapshot(): {error!r}") from None
-        for name, array in self._fluid._asdict().items():
-            given = getattr(fluid, name)
-            if name in "xyuv" and not np.isfinite(given).all():
-                raise ValueError(f"snapshot: expected finite numbers in {name}")
-            if given.shape != array.shape or given.dtype != array.dtype:
+        for name, present in self._engine.state().items():
+            given = fluid[name]
+            if given.shape != present.shape or given.dtype != present.dtype:
                 raise ValueError(
-                    f"snapshot: expected {name} of shape {array.shape} and type {array.dtype}, "
-                    f"got {given.shape} and {given.dtype}"
+                    f"snapshot: expected {name} of shape {present.shape} and type "
+                    f"{present.dtype}, got {given.shape} and {given.dtype}"
                 )
-        if not np.array_equal(np.sort(fluid.id), np.arange(self.n_fluid)):
+            if not np.isfinite(given).all():
+                raise ValueError(f"snapshot: expected finite numbers in {name}")
+        if not np.array_equal(np.sort(fluid["id"]), np.arange(self.n_fluid)):
             raise ValueError("snapshot: expected every particle's id once")
-        self._fluid, self.time, self._controls = fluid, time, controls
+        self.time, self._controls, self._totals = time, controls, totals
         self._ledger.set_state(numbers)
-        self._totals = totals
-        self._model = make_model(self.scene, self._controls, self.mass, self._float)
-        self._evaluate_density()
+        self._engine.set_controls(controls)
+        self._engine.set_state(fluid)
+        self._acceleration = None
+
+
+class Journey:
+    """One `advance`, cut into legs of at most a frame: what is to be done, and what was."""
+
+    def __init__(self, sim: Simulation, seconds: float) -> None:
+        self._sim, self._seconds, self._began = sim, seconds, sim.time
+        self._n_substeps, self._done = sim._count_substeps(seconds), 0
+        self._dt = seconds / self._n_substeps
+        self._longest = sim._longest_leg(self._dt)
+        self.over = False
+        sim.last_report = Report(0, self._dt)
+
+    def _time(self, steps: int) -> float:
+        return self._began + steps * self._dt
+
+    def next_leg(self) -> tuple[float, float, int]:
+        """Time [s] at its start, dt [s] and number of substeps of the next compiled call."""
+        n_substeps = min(self._n_substeps - self._done, self._longest)
+        return self._time(self._done), self._dt, n_substeps
+
+    def book(self, steps: int, bad: int, interrupted: bool = False) -> None:
+        """Enter what a leg did into the simulation's sums, clock and report."""
+        sim = self._sim
+        if interrupted:
+            sim._engine.recover()
+        self._done += steps
+        now = self._time(self._done - (bad >= 0))
+        sim.last_report = sim._book(Report(self._done, self._dt), bad, now)
+        self.over = sim.last_report.diverged or self._done == self._n_substeps
+        if self.over and not sim.last_report.diverged:
+            sim.time = self._began + self._seconds

@@ -1,19 +1,22 @@
-"""What the solver holds: particles as a struct of arrays, the fluid, the controls."""
+"""What the solver holds: particles as a struct of arrays, the neighbour search, the controls."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.solver.target import MOST_LANES
+
 Floats = NDArray[np.floating]
 Indices = NDArray[np.int32]
 
 
 class Particles(NamedTuple):
-    """Fluid particles in the order of their cells; `id` is their place in the public order.
+    """Fluid or boundary particles; `id` is their place in the public order of their kind.
 
-    x, y: (n,) [m]; u, v: (n,) velocity [m/s]; rho: (n,) [kg/m^3]; stress: (n,) p / rho^2
-    [m^5/(kg s^2)], the form in which the symmetric pressure force wants it; id: (n,) int32.
+    x, y: [m]; u, v: velocity [m/s]; rho: [kg/m^3]; stress: p / rho^2 [m^5/(kg s^2)], the form in
+    which the symmetric pressure force wants it; id: (n,) int32. All but `id` are columns (see
+    `column`): only their first n entries count.
     """
 
     x: Floats
@@ -23,23 +26,6 @@ class Particles(NamedTuple):
     rho: Floats
     stress: Floats
     id: Indices
-
-
-class WallParticles(NamedTuple):
-    """Boundary particles in the order of their cells; the same fields and units as the fluid's.
-
-    wall_sum: (n,) the part of the kernel sum that comes from other wall particles, which is the
-    same in every step of a wall at rest; by public index, unlike the rest.
-    """
-
-    x: Floats
-    y: Floats
-    u: Floats
-    v: Floats
-    rho: Floats
-    stress: Floats
-    id: Indices
-    wall_sum: Floats
 
 
 class Controls(NamedTuple):
@@ -50,20 +36,20 @@ class Controls(NamedTuple):
     xsph: float
 
 
+def column(n: int, dtype: Any) -> NDArray[Any]:
+    """n numbers, and spare ones behind them that the last load of a loop over lanes may touch."""
+    return np.zeros(n + MOST_LANES, dtype)
+
+
 def allocate_particles(x: Floats, v: Floats, dtype: type) -> Particles:
-    """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given.
-
-    Raises ValueError for numbers that `dtype` can't hold.
-    """
+    """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given."""
     n = len(x)
-    with np.errstate(over="ignore"):
-        columns: list[Any] = [np.array(a, dtype) for a in (*x.T, *v.T)]
-    if not all(np.isfinite(column).all() for column in columns):
-        raise ValueError(f"x, v: expected numbers in the range of {np.dtype(dtype).name}")
-    columns += [np.ones(n, dtype), np.zeros(n, dtype), np.arange(n, dtype=np.int32)]
-    return Particles(*columns)
+    columns = [column(n, dtype) for _ in range(6)]
+    for place, values in zip(columns, (*x.T, *v.T), strict=False):
+        place[:n] = values
+    return Particles(*columns, np.arange(n, dtype=np.int32))
 
 
-def empty_like(particles: Particles) -> Particles:
+def empty_like(particles: Any) -> Any:
     """A second set of arrays of the same shapes and types."""
-    return particles._replace(**{k: np.empty_like(a) for k, a in particles._asdict().items()})
+    return particles._replace(**{k: np.zeros_like(a) for k, a in particles._asdict().items()})

@@ -5,17 +5,39 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sph_gym.solver.diagnostics import sum_up
 from sph_gym.solver.effects import PairEffects, UniformGravity, add_gravity, smoothed
-from sph_gym.solver.forces import Constants, compute_fluid_density, compute_wall_density, force_sums
-from sph_gym.solver.jit import jit
-from sph_gym.solver.lanes import like
-from sph_gym.solver.neighbors import sort_into_cells
+from sph_gym.solver.forces import (
+    Constants,
+    compute_fluid_density,
+    compute_wall_density,
+    compute_wall_sums,
+    force_sums,
+)
+from sph_gym.solver.jit import jit, jitable
+from sph_gym.solver.lanes import first_lanes, first_true, like, load, select, store, width
+from sph_gym.solver.neighbors import (
+    Lists,
+    Sorting,
+    group_size,
+    lay_grid,
+    read_grid,
+    sort_into_cells,
+)
+from sph_gym.solver.state import Indices, Particles
+from sph_gym.solver.teams import meet, share
 from sph_gym.solver.walls import Box, confine
 
 # The article's limits. Its 0.4 h^2/nu diverges where h is the support radius; 0.125: Morris 1997.
 COURANT = 0.4
 FORCE = 0.25
 VISCOUS = 0.125
+
+# Columns of `World.status`: steps done by thread 0, the first particle in a thread's share that
+# failed or -1, whether a thread's list was too short.
+STEPS, BAD, FULL = 0, 1, 2
+# Steps after which the grid follows the fluid within a call.
+LAY_EVERY = 64
 
 # Faster than this [m/s] is a blow-up, whatever the scene.
 TOP_SPEED = 5000.0
@@ -47,73 +69,187 @@ def stable_dt(h: float, c: float, a_max: float, nu: float | None) -> float:
     return limit
 
 
-@jit
-def compute_density(fluid, start, walls, wall_start, grid, model):
-    """rho and p / rho^2 of fluid and walls, for particles that are in the order of their cells."""
-    kernel, eos, constants = model.kernel, model.eos, model.constants
-    compute_wall_density(walls, fluid, start, grid, kernel, eos, constants)
-    compute_fluid_density(fluid, start, walls, wall_start, grid, kernel, eos, constants)
+class World(NamedTuple):
+    """All arrays of a simulation. Absent parts are None.
+
+    fluid: the state, in the order of its cells, with densities and pressures; spare: the same
+    state as the last step left it, or scratch; start, wall_start: (n_cells + 1,) first particle
+    of every cell; walls: in the order of the cells; wall_source: in public order; wall_sums,
+    source_sums: kernel sums of wall particles over each other, in the two orders, below 0 while
+    unknown; status: (n_threads, 3) int64, see the constants above; team: flags of the threads;
+    totals: (9,) of the state, see `diagnostics.Totals`.
+    """
+
+    fluid: Particles
+    spare: Particles
+    start: Indices
+    walls: Particles | None
+    wall_source: Particles | None
+    wall_start: Indices | None
+    wall_sums: Any
+    source_sums: Any
+    sorting: Sorting
+    lists: Lists | None
+    status: Any
+    team: Any
+    totals: Any
+
+
+@jitable
+def sort_walls(walls, source, wall_sums, source_sums, team, grid, sorting, wall_start):
+    """Walls into the order of their cells: always from the same order, so that a restored run
+    sums in the order of the first.
+    """
+    if walls is None:
+        return
+    sort_into_cells(0, 1, team, grid, source, walls, sorting, wall_start)
+    for i in range(walls.id.size):
+        wall_sums[i] = source_sums[walls.id[i]]
+
+
+@jitable
+def prepare_walls(
+    walls, wall_sums, source_sums, wall_start, grid, lists, n_threads, kernel, constants
+):
+    """Find out the walls' sums over each other if they are unknown; True: list too short."""
+    if walls is None or source_sums[0] >= 0.0:
+        return False
+    if compute_wall_sums(
+        walls, wall_sums, wall_start, grid, lists, n_threads, kernel, constants
+    ):
+        return True
+    for i in range(walls.id.size):
+        source_sums[walls.id[i]] = wall_sums[i]
+    return False
+
+
+@jitable
+def any_full(status, n_threads):
+    """Whether any thread's list was too short."""
+    for t in range(n_threads):
+        if status[t, FULL] != 0:
+            return True
+    return False
+
+
+@jitable
+def first_bad(status, n_threads):
+    """The first particle that failed in any thread's share; -1 if none did."""
+    for t in range(n_threads):
+        if status[t, BAD] >= 0:
+            return status[t, BAD]
+    return -1
 
 
 @jit
-def evaluate_density(source, target, start, cells, walls, wall_start, grid, model):
-    """Sort `source` into `target` and compute its densities and pressures."""
-    sort_into_cells(grid, source, target, start, cells)
-    compute_density(target, start, walls, wall_start, grid, model)
-
-
-@jit
-def evaluate_acceleration(fluid, start, walls, wall_start, grid, model, time, ax, ay):
+def evaluate_acceleration(fluid, walls, lists, model, time, ax, ay):
     """Acceleration [m/s^2] of every fluid particle, in the order of `fluid`."""
-    for i in range(fluid.x.size):
-        sums = force_sums(i, fluid, start, walls, wall_start, grid, model)
-        scale = model.constants.force_scale
-        ax[i], ay[i] = add_gravity(model.gravity, time, scale * sums.ax, scale * sums.ay)
+    i, n_fluid = 0, fluid.id.size
+    scale = model.constants.force_scale
+    while i < n_fluid:
+        n = group_size(lists, i, min(width(ax), n_fluid - i))
+        sums = force_sums(
+            i, fluid, walls, lists,
+            model.kernel, model.constants, model.effects, model.wall_effects,
+        )  # fmt: skip
+        x, y = add_gravity(model.gravity, time, scale * sums.ax, scale * sums.ay)
+        store(ax, i, x, n)
+        store(ay, i, y, n)
+        i += n
 
 
-@jit
-def kick_and_drift(source, target, start, walls, wall_start, grid, model, time, dt):
+@jitable
+def kick_and_drift(rank, n_threads, source, target, walls, lists, model, time, dt):
     """Symplectic Euler from `source` to `target`: v += a dt, then x += (smoothed v) dt.
 
     The XSPH sum is that of the velocities before the kick, so that one pair loop serves both.
-    Returns the place of the first particle that is no longer finite or too fast, or -1.
+    Returns the first particle of the thread's share that is no longer finite or too fast, or -1.
     """
+    i, last = share(source.id.size, rank, n_threads)
+    scale = model.constants.force_scale
     bad = -1
-    for i in range(source.x.size):
-        sums = force_sums(i, source, start, walls, wall_start, grid, model)
-        scale = model.constants.force_scale
+    while i < last:
+        n = group_size(lists, i, min(width(source.x), last - i))
+        sums = force_sums(
+            i, source, walls, lists,
+            model.kernel, model.constants, model.effects, model.wall_effects,
+        )  # fmt: skip
         ax, ay = add_gravity(model.gravity, time, scale * sums.ax, scale * sums.ay)
-        u = source.u[i] + dt * ax
-        v = source.v[i] + dt * ay
+        u = load(source.u, i) + dt * ax
+        v = load(source.v, i) + dt * ay
         drift_u, drift_v = smoothed(model.effects.xsph, u, v, sums)
-        x, y, u, v = confine(
-            model.box, source.x[i] + dt * drift_u, source.y[i] + dt * drift_v, u, v
-        )
-        target.x[i], target.y[i], target.u[i], target.v[i] = x, y, u, v
-        target.id[i] = source.id[i]
-        # not x - x == 0, which reassociation folds to True
-        sane = u * u + v * v < like(u, TOP_SPEED * TOP_SPEED) and abs(x) + abs(y) < np.inf
-        if not sane and bad < 0:
-            bad = i
+        x = load(source.x, i) + dt * drift_u
+        y = load(source.y, i) + dt * drift_v
+        x, y, u, v = confine(model.box, x, y, u, v)
+        store(target.x, i, x, n)
+        store(target.y, i, y, n)
+        store(target.u, i, u, n)
+        store(target.v, i, v, n)
+        for k in range(i, i + n):
+            target.id[k] = source.id[k]
+        wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
+        if wrong >= 0 and bad < 0:
+            bad = i + wrong
+        i += n
     return bad
 
 
-@jit
-def advance(
-    fluid, spare, start, cells, walls, wall_start, grid, model, time, dt, n_substeps, progress
-):
-    """n_substeps steps of the whole chain: neighbours, density, pressure, force, integration.
+@jitable
+def insane(x, y, u, v):
+    """Where a position is no longer finite or a speed absurd."""
+    # not x - x == 0, which reassociation folds to True; nor a negated mask, for plain bools
+    zero, one = like(x, 0.0), like(x, 1.0)
+    slow = select(u * u + v * v < like(u, TOP_SPEED * TOP_SPEED), zero, one)
+    return slow + select(abs(x) + abs(y) < like(x, np.inf), zero, one) > zero
 
-    `fluid` holds the state before and after; `spare` is the same state sorted into cells. When a
-    step fails, `spare` still holds the state before that step, with densities and pressures.
-    progress: (2,) int64, kept up to date: the number of steps begun, and the place in `spare` of
-    the particle that failed, or -1.
+
+@jit
+def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
+    """n_substeps steps of the whole chain: force, integration, neighbours, density, pressure.
+
+    `world.fluid` holds the state before and after, with densities, pressures and lists; `stale`
+    says that these are not up to date, and that the state is to be taken from `spare`. When a
+    step fails, `fluid` still holds the state before it; when a list was too short, `spare` holds
+    the state after the last step, for another call with larger lists. `world.status` says so.
     """
-    for k in range(n_substeps):
-        sort_into_cells(grid, fluid, spare, start, cells)
-        compute_density(spare, start, walls, wall_start, grid, model)
-        now = time + k * float(dt)
-        bad = kick_and_drift(spare, fluid, start, walls, wall_start, grid, model, now, dt)
-        progress[0], progress[1] = k + 1, bad
-        if bad >= 0:
+    fluid, spare, start = world.fluid, world.spare, world.start
+    walls, wall_start, wall_sums = world.walls, world.wall_start, world.wall_sums
+    sorting, lists, status, team = world.sorting, world.lists, world.status, world.team
+    kernel, eos, constants = model.kernel, model.eos, model.constants
+    status[rank, STEPS], status[rank, BAD], status[rank, FULL] = 0, -1, 0
+    for k in range(n_substeps + 1):
+        if k > 0:
+            now = time + (k - 1) * float(dt)
+            bad = kick_and_drift(rank, n_threads, fluid, spare, walls, lists, model, now, dt)
+            status[rank, STEPS], status[rank, BAD] = k, bad
+            if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
+                return
+        elif not stale:
+            continue
+        if k == n_substeps or k % LAY_EVERY == 0:
+            if rank == 0 and lay_grid(sorting.frame, spare, float(constants.h), start.size - 1):
+                sort_walls(
+                    walls, world.wall_source, wall_sums, world.source_sums,
+                    team, read_grid(sorting.frame), sorting, wall_start,
+                )  # fmt: skip
+            if not meet(team, n_threads):
+                return
+        grid = read_grid(sorting.frame)
+        full = rank == 0 and prepare_walls(
+            walls, wall_sums, world.source_sums, wall_start, grid, lists, n_threads,
+            kernel, constants,
+        )  # fmt: skip
+        if not sort_into_cells(rank, n_threads, team, grid, spare, fluid, sorting, start):
             return
+        full = full or compute_wall_density(
+            rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid, lists,
+            kernel, eos, constants,
+        )  # fmt: skip
+        full = full or compute_fluid_density(
+            rank, n_threads, fluid, start, walls, wall_start, grid, lists, kernel, eos, constants
+        )
+        status[rank, FULL] = full
+        if not meet(team, n_threads) or any_full(status, n_threads):
+            return
+    if rank == 0:
+        sum_up(fluid, walls, eos, world.totals)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sph_gym.solver.checks import finite_array, in_range, positive
-from sph_gym.solver.jit import jit
+from sph_gym.solver.jit import jitable
+from sph_gym.solver.lanes import maximum, minimum, select
 from sph_gym.solver.state import Floats
 
 
@@ -22,22 +23,20 @@ class Box(NamedTuple):
     restitution: float
 
 
-@jit
+@jitable
 def reflect(low, high, restitution, x, u):
     """Put a particle back onto the side that it passed and turn its normal velocity round.
 
     Position and velocity both: with the position alone it would press into the wall for ever.
+    A position that is not a number stays one.
     """
-    if x < low:
-        x = low
-        u = -restitution * u if u < 0.0 else u
-    elif x > high:
-        x = high
-        u = -restitution * u if u > 0.0 else u
-    return x, u
+    bounced = -restitution * u
+    u = select(x < low, maximum(bounced, u), u)
+    u = select(x > high, minimum(bounced, u), u)
+    return minimum(high, maximum(low, x)), u
 
 
-@jit
+@jitable
 def confine(box, x, y, u, v):
     """`reflect` at the four sides of the box, where there is one."""
     if box is None:

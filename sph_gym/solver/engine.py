@@ -1,0 +1,195 @@
+"""`Engine`: the arrays of a running simulation, and the compiled calls that work on them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.solver import diagnostics, stepping, teams
+from sph_gym.solver.model import make_model, with_controls
+from sph_gym.solver.neighbors import make_lists, make_sorting
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.state import (
+    Controls,
+    Particles,
+    allocate_particles,
+    column,
+    empty_like,
+)
+from sph_gym.solver.stepping import BAD, FULL, STEPS, World
+from sph_gym.solver.target import n_lanes
+
+# Other threads aren't worth waking for less: particles of each, and particle-steps of one call.
+PARTICLES_PER_THREAD = 256
+WORTH_WAKING = 20_000
+# First guess of the length of a neighbour list; it grows where that is too short.
+ENTRIES_PER_GROUP = 70
+
+# What makes a state; all else follows from it.
+STATE = ("x", "y", "u", "v", "id")
+
+
+class Engine:
+    """A scene's particles in the order of their cells, with fresh densities between two calls.
+
+    threads: the most that a call may use; where it is small, fewer are, with the same result.
+    """
+
+    def __init__(
+        self, scene: Scene, controls: Controls, mass: float, dtype: Any, brute: bool, threads: int
+    ) -> None:
+        n = len(scene.x)  # type: ignore[arg-type]
+        self._float, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
+        self._listed_by = 1
+        self.model = make_model(scene, controls, mass, dtype)
+        fluid = allocate_particles(scene.x, scene.v, dtype)  # type: ignore[arg-type]
+        walls = _wall_particles(scene, dtype)
+        n_walls = 0 if walls is None else walls.id.size
+        sorting = make_sorting(n, n_walls, brute, self._most)
+        n_cells = sorting.counts.shape[1]
+        per_particle = ENTRIES_PER_GROUP / n_lanes(dtype)
+        self.world = World(
+            fluid=empty_like(fluid),
+            spare=fluid,
+            start=np.zeros(n_cells + 1, np.int32),
+            walls=None if walls is None else empty_like(walls),
+            wall_source=walls,
+            wall_start=None if walls is None else np.zeros(n_cells + 1, np.int32),
+            wall_sums=None if walls is None else column(n_walls, dtype),
+            source_sums=None if walls is None else column(n_walls, dtype) - 1,
+            sorting=sorting,
+            lists=None if brute else make_lists(n, self._most, per_particle),
+            status=np.zeros((self._most, 3), np.int64),
+            team=teams.make_team(),
+            totals=np.zeros(9),
+        )
+        self.renew()
+
+    @property
+    def fluid(self) -> Particles:
+        """The fluid, in the order of its cells; only the first n entries of a column count."""
+        return self.world.fluid
+
+    @property
+    def walls(self) -> Particles | None:
+        """The wall particles, in the order of their cells."""
+        return self.world.walls
+
+    def set_controls(self, controls: Controls) -> None:
+        """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
+        self.model = with_controls(self.model, controls, self._float)
+
+    # --- time -------------------------------------------------------------------------------
+
+    def run(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
+        """Up to n_substeps steps of length dt [s] from `time` [s] on.
+
+        Returns how many were done, the one that failed included, and the place of the particle
+        that failed, or -1. Lists that are too short grow, and the call goes on. Ctrl-C is
+        delivered when a compiled call is over; `interrupted` then leaves a state to go on from.
+        """
+        done = 0
+        stale = False
+        while True:
+            self.call(stale, time + done * dt, dt, n_substeps - done)
+            done += self.steps
+            stale = self.full
+            if not stale:
+                return done, self.bad
+            self._grow()
+
+    def call(self, stale: bool, time: float, dt: float, n_substeps: int) -> None:
+        """One compiled call, on as many threads as it is worth."""
+        self.world.status[:] = 0, -1, 0
+        with teams.borrow(self._worthwhile(n_substeps)) as n_threads:
+            # groups end where a thread's share does, so other shares want other lists
+            stale = stale or n_threads != self._listed_by
+            self._listed_by = n_threads
+            arguments = self.world, self.model, stale, time, self._float(dt), n_substeps
+            teams.run(stepping.advance, n_threads, self.world.team, *arguments)
+
+    def _worthwhile(self, n_substeps: int) -> int:
+        """Number of threads for so many substeps."""
+        if n_substeps == 0:
+            return self._listed_by
+        return self._most if len(self.fluid.id) * n_substeps >= WORTH_WAKING else 1
+
+    @property
+    def steps(self) -> int:
+        """Steps that the last call did."""
+        return int(self.world.status[0, STEPS])
+
+    @property
+    def bad(self) -> int:
+        """Place of the particle that failed in the last call, or -1."""
+        return int(stepping.first_bad(self.world.status, len(self.world.status)))
+
+    @property
+    def full(self) -> bool:
+        """Whether a list was too short, so that `fluid` is not up to date but `spare` is."""
+        return bool(self.world.status[:, FULL].any())
+
+    def renew(self) -> None:
+        """Sort the state in `spare` into cells; densities, pressures, lists and sums follow."""
+        self.call(True, 0.0, 1.0, 0)
+        while self.full:
+            self._grow()
+            self.call(True, 0.0, 1.0, 0)
+
+    def recover(self) -> None:
+        """After a failed step or an interrupted call: go back to the last whole state."""
+        if not self.full:
+            for name in STATE:
+                getattr(self.world.spare, name)[:] = getattr(self.world.fluid, name)
+        else:
+            self._grow()
+        self.renew()
+
+    def _grow(self) -> None:
+        """Neighbour lists of twice the length."""
+        lists = self.world.lists
+        assert lists is not None
+        lists = lists._replace(entries=np.zeros(2 * lists.entries.size, np.int32))
+        self.world = self.world._replace(lists=lists)
+
+    # --- measures ---------------------------------------------------------------------------
+
+    def accelerations(self, time: float) -> tuple[NDArray[Any], NDArray[Any]]:
+        """ax and ay (n,) [m/s^2] in the order of `fluid`."""
+        n = len(self.fluid.id)
+        ax, ay = column(n, self._float), column(n, self._float)
+        lists = self.world.lists
+        stepping.evaluate_acceleration(
+            self.fluid, self.walls, lists, self.model, float(time), ax, ay
+        )
+        return ax[:n], ay[:n]
+
+    def nearest_and_count(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """(n,) squared distance [m^2] to the nearest other, and how many are within h."""
+        n = len(self.fluid.id)
+        nearest, count = column(n, self._float), column(n, self._float)
+        h2 = self.model.constants.h2
+        lists = self.world.lists
+        diagnostics.nearest_and_count(self.fluid, self.walls, lists, h2, nearest, count)
+        return nearest[:n].astype(np.float64), count[:n].astype(np.int32)
+
+    # --- the state --------------------------------------------------------------------------
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of the columns that make the state, (n,) each."""
+        n = len(self.fluid.id)
+        return {name: getattr(self.fluid, name)[:n].copy() for name in STATE}
+
+    def set_state(self, columns: dict[str, NDArray[Any]]) -> None:
+        """Take back what `state` gave."""
+        for name, values in columns.items():
+            getattr(self.world.spare, name)[: len(values)] = values
+        self.renew()
+
+
+def _wall_particles(scene: Scene, dtype: Any) -> Particles | None:
+    """The scene's boundary particles in public order."""
+    if scene.walls is None or scene.walls.particles is None:
+        return None
+    positions = np.asarray(scene.walls.particles)
+    return allocate_particles(positions, np.zeros_like(positions), dtype)

@@ -168,7 +168,7 @@ class Engine:
         """(n,) squared distance [m^2] to the nearest other, and how many are within h."""
         n = len(self.fluid.id)
         nearest, count = column(n, self._float), column(n, self._float)
-        h2 = self.model.constants.h2
+        h2 = self.model.kernel.h2
         lists = self.world.lists
         diagnostics.nearest_and_count(self.fluid, self.walls, lists, h2, nearest, count)
         return nearest[:n].astype(np.float64), count[:n].astype(np.int32)

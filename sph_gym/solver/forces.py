@@ -30,6 +30,7 @@ from sph_gym.solver.neighbors import (
     count,
     count_rows,
     fluid_range,
+    make_window,
     neighbor,
     own_part,
     row_range,
@@ -44,12 +45,11 @@ COINCIDENT = 1e-30
 class Constants(NamedTuple):
     """Numbers that all pair loops share, in the precision of the arrays.
 
-    h, h2: support radius [m] and its square; reach2: the same with room for rounding; eta2:
-    0.01 h^2 [m^2]; density_scale: m weight_scale; force_scale: m gradient_scale.
+    h: support radius [m]; reach2: its square with room for rounding [m^2]; eta2: 0.01 h^2 [m^2];
+    density_scale: m weight_scale; force_scale: m gradient_scale.
     """
 
     h: Any
-    h2: Any
     reach2: Any
     eta2: Any
     density_scale: Any
@@ -71,7 +71,7 @@ class Target(NamedTuple):
 
 
 @jitable
-def add_weights(sources, lists, first, last, kernel, h2, x, y, total):
+def add_weights(sources, lists, first, last, kernel, x, y, total):
     """total + sum of W shapes between (x, y) and the listed `sources`, itself if it is one."""
     if sources is None:
         return total
@@ -82,7 +82,7 @@ def add_weights(sources, lists, first, last, kernel, h2, x, y, total):
         dy = y - broadcast(sources.y, j)
         r2 = dx * dx + dy * dy
         r = r2 * rsqrt(r2 + like(r2, COINCIDENT))
-        total += select(r2 < h2, weight(kernel, r2, r), zero)
+        total += select(r2 < kernel.h2, weight(kernel, r2, r), zero)
     return total
 
 
@@ -117,10 +117,10 @@ def compute_fluid_density(
             x, y = load(fluid.x, i), load(fluid.y, i)
             begin, end = fluid_range(lists, i, fluid.id.size)
             total = add_weights(
-                fluid, lists, begin, end, kernel, constants.h2, x, y, like(x, 0.0)
+                fluid, lists, begin, end, kernel, x, y, like(x, 0.0)
             )
             begin, end = wall_range(lists, i, count(walls))
-            total = add_weights(walls, lists, begin, end, kernel, constants.h2, x, y, total)
+            total = add_weights(walls, lists, begin, end, kernel, x, y, total)
             store_density(fluid, i, n, total, eos, constants.density_scale)
             i += n
     return False
@@ -132,8 +132,9 @@ def list_group(lists, fluid, start, walls, wall_start, grid, constants, i, n, k,
     if lists is None:
         return n, k
     n, box = compact_group(fluid, i, n, WIDEST_GROUP * constants.h)
-    middle = collect(grid, start, fluid, box, constants.reach2, lists, k, room)
-    end = collect(grid, wall_start, walls, box, constants.reach2, lists, middle, room)
+    window, reach2 = make_window(grid, box), constants.reach2
+    middle = collect(window, start, grid.n_columns, fluid, reach2, lists, k, room)
+    end = collect(window, wall_start, grid.n_columns, walls, reach2, lists, middle, room)
     groups = lists.groups
     groups[4 * i + BEGIN], groups[4 * i + MIDDLE] = k, middle
     groups[4 * i + END], groups[4 * i + SIZE] = end, n
@@ -146,7 +147,8 @@ def list_sources(lists, walls, sources, start, grid, constants, i, n, begin, roo
     if lists is None:
         return n, sources.id.size
     n, box = compact_group(walls, i, n, WIDEST_GROUP * constants.h)
-    return n, collect(grid, start, sources, box, constants.reach2, lists, begin, room)
+    window = make_window(grid, box)
+    return n, collect(window, start, grid.n_columns, sources, constants.reach2, lists, begin, room)
 
 
 @jitable
@@ -169,7 +171,7 @@ def compute_wall_density(
             if lists is not None and end > room:
                 return True
             x, y, total = load(walls.x, i), load(walls.y, i), load(wall_sums, i)
-            total = add_weights(fluid, lists, begin, end, kernel, constants.h2, x, y, total)
+            total = add_weights(fluid, lists, begin, end, kernel, x, y, total)
             store_density(walls, i, n, total, eos, constants.density_scale)
             i += n
     return False
@@ -193,7 +195,7 @@ def compute_wall_sums(walls, wall_sums, wall_start, grid, lists, n_threads, kern
                 return True
             x, y = load(walls.x, i), load(walls.y, i)
             total = add_weights(
-                walls, lists, begin, end, kernel, constants.h2, x, y, like(x, 0.0)
+                walls, lists, begin, end, kernel, x, y, like(x, 0.0)
             )
             store(wall_sums, i, total, n)
             i += n
@@ -213,7 +215,7 @@ def add_pair(target, sources, j, kernel, constants, effects, sums):
     r = r2 * inv_r
     softened_r2 = r2 + constants.eta2
     inv_rho_r2 = reciprocal(softened_r2 * (target.rho + broadcast(sources.rho, j)))
-    near, zero = r2 < constants.h2, like(r2, 0.0)
+    near, zero = r2 < kernel.h2, like(r2, 0.0)
     pair = Pair(
         dx,
         dy,

@@ -9,7 +9,7 @@ that return *shapes*; the constant in front is a field (`weight_scale`, `gradien
     Laplacian weight  = viscosity_scale * viscosity(kernel, r2, r)                      [1/m^4]
 
 Shapes are in the precision of the particles, scales always in float64: alone, 1/h^8 leaves the
-range of float32. Shapes are meant for r < h; the pair loops mask what lies beyond.
+range of float32. Shapes are meant for r2 < `h2`; the pair loops mask what lies beyond.
 """
 
 import math
@@ -43,6 +43,7 @@ class WendlandC2(NamedTuple):
     """
 
     h: float
+    h2: float
     quarter_h: float
     weight_scale: float
     gradient_scale: float
@@ -108,7 +109,7 @@ def make_mueller(h: float, dtype: type = np.float64) -> Mueller:
 def make_wendland_c2(h: float, dtype: type = np.float64) -> WendlandC2:
     """The Wendland C2 kernel with support radius h [m]."""
     scales = (28 / (math.pi * h**7), 140 / (math.pi * h**7), 280 / (math.pi * h**7))
-    return WendlandC2(dtype(h), dtype(h / 4), *scales)
+    return WendlandC2(dtype(h), dtype(h * h), dtype(h / 4), *scales)
 
 
 KERNELS: dict[str, Callable[..., Any]] = {"mueller": make_mueller, "wendland_c2": make_wendland_c2}

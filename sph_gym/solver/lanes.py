@@ -454,16 +454,13 @@ def _entry(code: Code, array: Any, k: Any) -> Any:
 
 
 def first_lanes(x: Any, n: int) -> Any:
-    """Mask of the first n lanes (all of them, if there are fewer)."""
+    """Mask of the first n lanes, all of them if there are fewer; n is below 2^31."""
     return n > 0
 
 
 @_emits(first_lanes, lambda x, n: signature(_mask_of(x), x, types.intp))
 def _first_lanes(code: Code, x: Any, n: Any) -> Any:
-    # as int32, so that a number of the size of an array doesn't turn negative
-    most = ir.Constant(n.type, code.count(x.type))
-    few = code.builder.select(code.builder.icmp_signed("<", n, most), n, most)
-    return code.below(x.type, few)
+    return code.below(x.type, n)
 
 
 def lane(x: Any, k: int) -> Any:

@@ -37,7 +37,6 @@ def make_model(scene: Scene, controls: Controls, mass: float, number: Any) -> Mo
         kernel, fluid = KERNELS[scene.fluid.kernel](scene.h), scene.fluid
         constants = Constants(
             number(scene.h),
-            number(scene.h**2),
             number(ROUNDING * scene.h**2),
             number(0.01 * scene.h**2),
             number(mass * kernel.weight_scale),

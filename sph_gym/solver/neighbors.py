@@ -66,6 +66,16 @@ class Rectangle(NamedTuple):
     y_high: Any
 
 
+class Window(NamedTuple):
+    """Rows and columns of cells, first and last-plus-one, around a rectangle."""
+
+    box: Rectangle
+    first_row: int
+    last_row: int
+    first_column: int
+    last_column: int
+
+
 class Sorting(NamedTuple):
     """What the sort needs besides the particles.
 
@@ -228,7 +238,7 @@ def rectangle(particles, i, n):
 
 @jitable
 def lay_grid(frame, fluid, h, n_cells):
-    """Lay the grid over where the fluid is, one support radius beyond; False if it is the same.
+    """Lay the grid over where the fluid is, a bit more than h beyond; False if it is the same.
 
     Where a few strays would make it larger than `n_cells`, it covers the bulk of the fluid.
     """
@@ -240,10 +250,10 @@ def lay_grid(frame, fluid, h, n_cells):
     x_low, x_high = float(box.x_low), float(box.x_high)
     y_low, y_high = float(box.y_low), float(box.y_high)
     for _ in range(40):
-        first_column = math.floor(x_low / cell_width) - COLUMNS_PER_SUPPORT
-        first_row = math.floor(y_low / height) - 1
-        n_columns = math.floor(x_high / cell_width) + COLUMNS_PER_SUPPORT + 1 - first_column
-        n_rows = math.floor(y_high / height) + 2 - first_row
+        first_column = math.floor(x_low / cell_width) - COLUMNS_PER_SUPPORT - 1
+        first_row = math.floor(y_low / height) - 2
+        n_columns = math.floor(x_high / cell_width) + COLUMNS_PER_SUPPORT + 2 - first_column
+        n_rows = math.floor(y_high / height) + 3 - first_row
         if n_columns * n_rows <= n_cells:
             break
         x_low, x_high = _bulk(fluid.x, fluid.id.size, x_low, x_high)
@@ -336,27 +346,37 @@ def compact_group(particles, i, n, widest):
     """
     box = rectangle(particles, i, n)
     while n > 1 and (box.x_high - box.x_low > widest or box.y_high - box.y_low > widest):
-        n = (n + 1) // 2
+        n -= 1
+        while n > 1 and abs(particles.x[i + n - 1] - particles.x[i]) > widest:
+            n -= 1
         box = rectangle(particles, i, n)
     return n, box
 
 
 @jitable
-def collect(grid, start, sources, box, h2, lists, k, room):
+def make_window(grid, box):
+    """The cells in which neighbours of anybody in the rectangle are kept."""
+    return Window(
+        box,
+        max(_row(grid, box.y_low) - 1, 0),
+        min(_row(grid, box.y_high) + 2, grid.n_rows),
+        max(_column(grid, box.x_low) - COLUMNS_PER_SUPPORT, 0),
+        min(_column(grid, box.x_high) + COLUMNS_PER_SUPPORT + 1, grid.n_columns),
+    )
+
+
+@jitable
+def collect(window, start, n_columns, sources, h2, lists, k, room):
     """Append all of `sources` within sqrt(h2) of the rectangle; the new end of the list.
 
     Where there might not be room, nothing is written and an end beyond `room` is returned.
     """
     if sources is None:
         return k
-    row_low, row_high = _row(grid, box.y_low), _row(grid, box.y_high)
-    column_low, column_high = _column(grid, box.x_low), _column(grid, box.x_high)
-    first_column = max(column_low - COLUMNS_PER_SUPPORT, 0)
-    last_column = min(column_high + COLUMNS_PER_SUPPORT, grid.n_columns - 1)
-    n_lanes = width(sources.x)
-    for row in range(max(row_low - 1, 0), min(row_high + 2, grid.n_rows)):
-        low = start[row * grid.n_columns + first_column]
-        high = start[row * grid.n_columns + last_column + 1]
+    box, n_lanes = window.box, width(sources.x)
+    for row in range(window.first_row, window.last_row):
+        low = entry(start, row * n_columns + window.first_column)
+        high = entry(start, row * n_columns + window.last_column)
         if k + (high - low) + 2 * n_lanes > room:
             return room + 1
         for j in range(low, high, n_lanes):

@@ -166,6 +166,8 @@ def kick_and_drift(rank, n_threads, source, target, walls, lists, model, time, d
     Returns the first particle of the thread's share that is no longer finite or too fast, or -1.
     """
     i, last = share(source.id.size, rank, n_threads)
+    for k in range(i, last):
+        target.id[k] = source.id[k]
     scale = model.constants.force_scale
     bad = -1
     while i < last:
@@ -185,8 +187,6 @@ def kick_and_drift(rank, n_threads, source, target, walls, lists, model, time, d
         store(target.y, i, y, n)
         store(target.u, i, u, n)
         store(target.v, i, v, n)
-        for k in range(i, i + n):
-            target.id[k] = source.id[k]
         wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
         if wrong >= 0 and bad < 0:
             bad = i + wrong

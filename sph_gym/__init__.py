@@ -2,6 +2,7 @@
 
 from sph_gym import scenes
 from sph_gym.env import TuningEnv, register_all
+from sph_gym.solver.batch import advance_all
 from sph_gym.solver.scene import Effects, Fluid, Gravity, Scene, sound_speed
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.state import Controls
@@ -21,6 +22,7 @@ __all__ = [
     "Simulation",
     "TuningEnv",
     "Walls",
+    "advance_all",
     "lattice",
     "scenes",
     "sound_speed",

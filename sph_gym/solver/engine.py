@@ -1,5 +1,6 @@
 """`Engine`: the arrays of a running simulation, and the compiled calls that work on them."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -39,8 +40,9 @@ class Engine:
         self, scene: Scene, controls: Controls, mass: float, dtype: Any, brute: bool, threads: int
     ) -> None:
         n = len(scene.x)  # type: ignore[arg-type]
-        self._float, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
+        self.dtype, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
         self._listed_by = 1
+        self._records: dict[str, tuple[Any, Any]] = {}
         self.model = make_model(scene, controls, mass, dtype)
         fluid = allocate_particles(scene.x, scene.v, dtype)  # type: ignore[arg-type]
         walls = _wall_particles(scene, dtype)
@@ -77,7 +79,7 @@ class Engine:
 
     def set_controls(self, controls: Controls) -> None:
         """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
-        self.model = with_controls(self.model, controls, self._float)
+        self.model = with_controls(self.model, controls, self.dtype)
 
     # --- time -------------------------------------------------------------------------------
 
@@ -88,25 +90,33 @@ class Engine:
         that failed, or -1. Lists that are too short grow, and the call goes on. Ctrl-C is
         delivered when a compiled call is over; `interrupted` then leaves a state to go on from.
         """
-        done = 0
-        stale = False
-        while True:
-            self.call(stale, time + done * dt, dt, n_substeps - done)
-            done += self.steps
-            stale = self.full
-            if not stale:
-                return done, self.bad
+        self.call(False, time, dt, n_substeps)
+        return self.finish(time, dt, n_substeps)
+
+    def finish(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
+        """What `run` returns, once a call has been made; goes on if a list was too short."""
+        done = self.steps
+        while self.full:
             self._grow()
+            self.call(True, time + done * dt, dt, n_substeps - done)
+            done += self.steps
+        return done, self.bad
 
     def call(self, stale: bool, time: float, dt: float, n_substeps: int) -> None:
         """One compiled call, on as many threads as it is worth."""
-        self.world.status[:] = 0, -1, 0
         with teams.borrow(self._worthwhile(n_substeps)) as n_threads:
-            # groups end where a thread's share does, so other shares want other lists
-            stale = stale or n_threads != self._listed_by
-            self._listed_by = n_threads
-            arguments = self.world, self.model, stale, time, self._float(dt), n_substeps
+            stale = self.begin(n_threads) or stale
+            arguments = self.world, self.model, stale, time, self.dtype(dt), n_substeps
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
+
+    def begin(self, n_threads: int) -> bool:
+        """Get ready for a call on so many threads; whether the lists were made for another number.
+
+        Groups end where a thread's share does, so other shares want other lists.
+        """
+        self.world.status[:] = 0, -1, 0
+        before, self._listed_by = self._listed_by, n_threads
+        return n_threads != before
 
     def _worthwhile(self, n_substeps: int) -> int:
         """Number of threads for so many substeps."""
@@ -152,12 +162,20 @@ class Engine:
         lists = lists._replace(entries=np.zeros(2 * lists.entries.size, np.int32))
         self.world = self.world._replace(lists=lists)
 
+    def record(self, name: str, make: Callable[[Any], Any]) -> Any:
+        """make(world) or make(model), kept until that is another one."""
+        value = getattr(self, name)
+        kept = self._records.get(name)
+        if kept is None or kept[0] is not value:
+            kept = self._records[name] = value, make(value)
+        return kept[1]
+
     # --- measures ---------------------------------------------------------------------------
 
     def accelerations(self, time: float) -> tuple[NDArray[Any], NDArray[Any]]:
         """ax and ay (n,) [m/s^2] in the order of `fluid`."""
         n = len(self.fluid.id)
-        ax, ay = column(n, self._float), column(n, self._float)
+        ax, ay = column(n, self.dtype), column(n, self.dtype)
         lists = self.world.lists
         stepping.evaluate_acceleration(
             self.fluid, self.walls, lists, self.model, float(time), ax, ay
@@ -167,7 +185,7 @@ class Engine:
     def nearest_and_count(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """(n,) squared distance [m^2] to the nearest other, and how many are within h."""
         n = len(self.fluid.id)
-        nearest, count = column(n, self._float), column(n, self._float)
+        nearest, count = column(n, self.dtype), column(n, self.dtype)
         h2 = self.model.kernel.h2
         lists = self.world.lists
         diagnostics.nearest_and_count(self.fluid, self.walls, lists, h2, nearest, count)

@@ -595,3 +595,44 @@ def _give_way(code: Code) -> Any:
     if os.name == "posix":
         code.call("sched_yield", ir.IntType(32))
     return code.context.get_dummy_value()
+
+
+# --- Records --------------------------------------------------------------------------------
+#
+# A tuple of arrays as a row of bytes, so that one compiled call can go through many of them. A
+# record holds addresses: it is of use only as long as the arrays that it was made from live.
+
+
+def record_size(value: Any) -> int:
+    """Bytes that `pack` needs for nested tuples of numbers and arrays."""
+    raise NotImplementedError("records are for compiled code")
+
+
+@_emits(record_size, lambda value: signature(types.intp, value))
+def _record_size(code: Code, value: Any) -> Any:
+    return ir.Constant(code.out, code.context.get_abi_sizeof(value.type))
+
+
+def pack(record: Any, value: Any) -> None:
+    """Write `value` into an array of bytes."""
+    raise NotImplementedError("records are for compiled code")
+
+
+@_emits(pack, lambda record, value: signature(types.none, record, value))
+def _pack(code: Code, record: Any, value: Any) -> Any:
+    address = code.as_vector(code.address(record, ir.Constant(ir.IntType(64), 0)), value.type)
+    code.builder.store(value, address, align=1)
+    return code.context.get_dummy_value()
+
+
+def unpack(records: Any, i: int, template: Any) -> Any:
+    """The value of which row i of `records` was made; it has the type of `template`."""
+    raise NotImplementedError("records are for compiled code")
+
+
+@_emits(unpack, lambda records, i, value: signature(value, records, types.intp, value))
+def _unpack(code: Code, records: Any, i: Any, template: Any) -> Any:
+    array = code.context.make_array(code.sig.args[0])(code.context, code.builder, records)
+    stride = code.builder.extract_value(array.strides, 0)
+    start = code.builder.gep(array.data, [code.builder.mul(i, stride)])
+    return code.builder.load(code.as_vector(start, template.type), align=1)

@@ -71,7 +71,7 @@ class Simulation:
         self.time = 0.0
         self._controls = self._initial_controls()
         brute = self.neighbors == "brute"
-        self._engine = Engine(scene, self._controls, self.mass, self._float, brute, most)
+        self.engine = Engine(scene, self._controls, self.mass, self._float, brute, most)
         self._acceleration: tuple[Any, Any] | None = None
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
@@ -101,10 +101,10 @@ class Simulation:
         before, self._controls = self._controls, check_controls(controls)
         if self._controls[1:] == before[1:]:
             return
-        self._engine.set_controls(self._controls)
+        self.engine.set_controls(self._controls)
         if self._controls.stiffness != before.stiffness:
             # densities stay, pressures and the stored energy follow the stiffness
-            self._engine.renew()
+            self.engine.renew()
             self._acceleration = None
             held, self._totals = self._totals, self._sum()
             self._ledger.add_control(self._totals.internal - held.internal)
@@ -137,11 +137,10 @@ class Simulation:
         """
         journey = Journey(self, seconds)
         while not journey.over:
-            leg = journey.next_leg()
             try:
-                steps, bad = self._engine.run(*leg)
+                steps, bad = self.engine.run(*journey.next_leg())
             except KeyboardInterrupt:
-                journey.book(self._engine.steps, -1, interrupted=True)
+                journey.interrupt()
                 raise
             journey.book(steps, bad)
         return self.last_report
@@ -180,7 +179,7 @@ class Simulation:
         excess = self._ledger.excess(self._totals)
         if math.isfinite(excess) and excess <= self._ledger.TOLERANCE:
             return report
-        fluid = self._engine.fluid
+        fluid = self.engine.fluid
         return self._failed(report, int(np.argmax(fluid.u**2 + fluid.v**2)))
 
     def _energy_scales(self) -> tuple[float, float]:
@@ -195,7 +194,7 @@ class Simulation:
 
     def _failed(self, report: Report, bad: int) -> Report:
         """Which particle, which link, and why; `bad` is a place in the arrays."""
-        engine = self._engine
+        engine = self.engine
         index = engine.fluid.id[bad]
         engine.recover()
         self._totals = self._sum()
@@ -214,7 +213,7 @@ class Simulation:
         """Bring rho, p and a up to date with the present positions, without a time step."""
         # densities always are: every change of positions or stiffness renews them
         if self._acceleration is None:
-            self._acceleration = self._engine.accelerations(self.time)
+            self._acceleration = self.engine.accelerations(self.time)
 
     def _acceleration_sizes(self) -> Array:
         """(n_fluid,) |a| [m/s^2] in the order of the arrays."""
@@ -223,24 +222,24 @@ class Simulation:
         return np.hypot(*self._acceleration)
 
     def _sum(self) -> diagnostics.Totals:
-        return diagnostics.totals(self._engine.world.totals, self.mass)
+        return diagnostics.totals(self.engine.world.totals, self.mass)
 
     # --- what users read --------------------------------------------------------------------
 
     @property
     def n_fluid(self) -> int:
         """Number of fluid particles."""
-        return int(self._engine.fluid.id.size)
+        return int(self.engine.fluid.id.size)
 
     @property
     def n_particles(self) -> int:
         """Number of fluid and wall particles."""
-        walls = self._engine.walls
+        walls = self.engine.walls
         return self.n_fluid + (0 if walls is None else int(walls.id.size))
 
     def _public(self, fluid: Any, wall: Any = None) -> Array:
         """A column in public order, fluid first; walls are 0 where they have no such value."""
-        n, engine = self.n_fluid, self._engine
+        n, engine = self.n_fluid, self.engine
         column = np.zeros(self.n_particles, self._float)
         column[engine.fluid.id] = fluid[:n]
         if engine.walls is not None and wall is not None:
@@ -255,25 +254,25 @@ class Simulation:
     @property
     def x(self) -> Array:
         """(n, 2) positions [m], fluid first, in the order of the scene."""
-        fluid, walls = self._engine.fluid, self._engine.walls
+        fluid, walls = self.engine.fluid, self.engine.walls
         of_walls = () if walls is None else (walls.x, walls.y)
         return self._columns(fluid.x, fluid.y, *of_walls)
 
     @property
     def v(self) -> Array:
         """(n, 2) velocities [m/s], not smoothed."""
-        return self._columns(self._engine.fluid.u, self._engine.fluid.v)
+        return self._columns(self.engine.fluid.u, self.engine.fluid.v)
 
     @property
     def rho(self) -> Array:
         """(n,) densities [kg/m^3] at the present positions."""
-        walls = self._engine.walls
-        return self._public(self._engine.fluid.rho, None if walls is None else walls.rho)
+        walls = self.engine.walls
+        return self._public(self.engine.fluid.rho, None if walls is None else walls.rho)
 
     @property
     def p(self) -> Array:
         """(n,) pressures [Pa] at the present positions and stiffness."""
-        fluid, walls = self._engine.fluid, self._engine.walls
+        fluid, walls = self.engine.fluid, self.engine.walls
         wall = None if walls is None else walls.stress * walls.rho**2
         return self._public(fluid.stress * fluid.rho**2, wall)
 
@@ -288,7 +287,7 @@ class Simulation:
     def neighbor_counts(self) -> NDArray[np.int32]:
         """(n_fluid,) how many others, wall particles included, are within the support radius."""
         counts = np.zeros(self.n_fluid, np.int32)
-        counts[self._engine.fluid.id] = self._engine.nearest_and_count()[1]
+        counts[self.engine.fluid.id] = self.engine.nearest_and_count()[1]
         return counts
 
     def diagnostics(self) -> dict[str, float]:
@@ -304,10 +303,10 @@ class Simulation:
         max_acceleration [m/s^2]; mach: max_speed / c; courant: dt c / h.
         """
         totals, scene = self._totals, self.scene
-        nearest, counts = self._engine.nearest_and_count()
+        nearest, counts = self.engine.nearest_and_count()
         spacing = np.sqrt(nearest) / scene.dx
         g = scene.effects.gravity_at(self.time)
-        excess = np.maximum(self._engine.fluid.rho[: self.n_fluid] / scene.fluid.rho0 - 1.0, 0.0)
+        excess = np.maximum(self.engine.fluid.rho[: self.n_fluid] / scene.fluid.rho0 - 1.0, 0.0)
         return {
             "time": self.time,
             "density_error": totals.compression,
@@ -336,7 +335,7 @@ class Simulation:
     def snapshot(self) -> dict[str, Any]:
         """The whole state as plain arrays and numbers; going on from it is bit-exact."""
         return {
-            "fluid": self._engine.state(),
+            "fluid": self.engine.state(),
             "time": self.time,
             "controls": tuple(self._controls),
             "ledger": self._ledger.state(),
@@ -356,7 +355,7 @@ class Simulation:
                 raise ValueError(f"ledger of {len(numbers)} numbers")
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"snapshot: not one of Simulation.snapshot(): {error!r}") from None
-        for name, present in self._engine.state().items():
+        for name, present in self.engine.state().items():
             given = fluid[name]
             if given.shape != present.shape or given.dtype != present.dtype:
                 raise ValueError(
@@ -369,8 +368,8 @@ class Simulation:
             raise ValueError("snapshot: expected every particle's id once")
         self.time, self._controls, self._totals = time, controls, totals
         self._ledger.set_state(numbers)
-        self._engine.set_controls(controls)
-        self._engine.set_state(fluid)
+        self.engine.set_controls(controls)
+        self.engine.set_state(fluid)
         self._acceleration = None
 
 
@@ -378,7 +377,7 @@ class Journey:
     """One `advance`, cut into legs of at most a frame: what is to be done, and what was."""
 
     def __init__(self, sim: Simulation, seconds: float) -> None:
-        self._sim, self._seconds, self._began = sim, seconds, sim.time
+        self.sim, self._seconds, self._began = sim, seconds, sim.time
         self._n_substeps, self._done = sim._count_substeps(seconds), 0
         self._dt = seconds / self._n_substeps
         self._longest = sim._longest_leg(self._dt)
@@ -393,11 +392,15 @@ class Journey:
         n_substeps = min(self._n_substeps - self._done, self._longest)
         return self._time(self._done), self._dt, n_substeps
 
-    def book(self, steps: int, bad: int, interrupted: bool = False) -> None:
+    def interrupt(self) -> None:
+        """Enter what an interrupted leg did, and leave a state to go on from."""
+        steps = self.sim.engine.steps
+        self.sim.engine.recover()
+        self.book(steps, -1)
+
+    def book(self, steps: int, bad: int) -> None:
         """Enter what a leg did into the simulation's sums, clock and report."""
-        sim = self._sim
-        if interrupted:
-            sim._engine.recover()
+        sim = self.sim
         self._done += steps
         now = self._time(self._done - (bad >= 0))
         sim.last_report = sim._book(Report(self._done, self._dt), bad, now)

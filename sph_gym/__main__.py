@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from pathlib import Path
 from typing import Any
 
 from sph_gym import scenes
@@ -41,8 +42,14 @@ def _parser() -> argparse.ArgumentParser:
     show.add_argument("--video", metavar="PATH", help="film it: .mp4 or .gif")
     study = commands.add_parser("study", help="measure something and print a table")
     study.set_defaults(function=_study)
-    study.add_argument("name", help="startup, validation")
-    study.add_argument("--quick", action="store_true", help="coarser, in seconds")
+    study.add_argument("name", help="startup, validation, throughput, effects")
+    study.add_argument("--quick", action="store_true", help="coarser and sooner")
+    study.add_argument(
+        "--peers", metavar="PATH", help="throughput: folder of a script to race against"
+    )
+    study.add_argument(
+        "--peers-python", metavar="PYTHON", default=sys.executable, help="what runs that script"
+    )
     study.add_argument("--output", default="runs/studies", help="folder of the CSV file")
     return parser
 
@@ -77,9 +84,10 @@ def _assignment(text: str) -> tuple[str, Any]:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from sph_gym.studies import run_study
+    from sph_gym.studies import Peers, run_study
 
-    return run_study(options.name, quick=options.quick, folder=options.output)
+    peers = Peers(Path(options.peers), options.peers_python) if options.peers else None
+    return run_study(options.name, quick=options.quick, folder=options.output, peers=peers)
 
 
 if __name__ == "__main__":

@@ -93,11 +93,11 @@ def _count(x, y, sources, lists, i, first, last, h2, nearest, count):
 
 
 @jit
-def nearest_and_count(fluid, walls, lists, h2, nearest, number):
-    """Fill two columns: the squared distance [m^2] to the nearest other fluid particle, inf if
+def nearest_and_count(i, fluid, walls, lists, h2, nearest, number):
+    """Fill two columns from fluid particle i on: the squared distance [m^2] to the nearest other fluid particle, inf if
     none is within h, and the number of all other particles within h.
     """
-    i, n_fluid = 0, fluid.id.size
+    n_fluid = fluid.id.size
     while i < n_fluid:
         n = group_size(lists, i, min(width(nearest), n_fluid - i))
         x, y = load(fluid.x, i), load(fluid.y, i)

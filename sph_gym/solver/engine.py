@@ -178,7 +178,7 @@ class Engine:
         ax, ay = column(n, self.dtype), column(n, self.dtype)
         lists = self.world.lists
         stepping.evaluate_acceleration(
-            self.fluid, self.walls, lists, self.model, float(time), ax, ay
+            0, self.fluid, self.walls, lists, self.model, float(time), ax, ay
         )
         return ax[:n], ay[:n]
 
@@ -188,7 +188,7 @@ class Engine:
         nearest, count = column(n, self.dtype), column(n, self.dtype)
         h2 = self.model.kernel.h2
         lists = self.world.lists
-        diagnostics.nearest_and_count(self.fluid, self.walls, lists, h2, nearest, count)
+        diagnostics.nearest_and_count(0, self.fluid, self.walls, lists, h2, nearest, count)
         return nearest[:n].astype(np.float64), count[:n].astype(np.int32)
 
     # --- the state --------------------------------------------------------------------------

@@ -178,12 +178,14 @@ def compute_wall_density(
 
 
 @jitable
-def compute_wall_sums(walls, wall_sums, wall_start, grid, lists, n_threads, kernel, constants):
+def compute_wall_sums(
+    rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants
+):
     """The kernel sums of wall particles over each other, once for all, in the order of `walls`.
 
-    Returns whether the first thread's part of the list was too short.
+    Returns whether the thread's part of the list was too short.
     """
-    begin, room = own_part(lists, 0, n_threads)
+    begin, room = own_part(lists, rank, n_threads)
     for row in range(count_rows(grid)):
         i, high = row_range(grid, wall_start, row)
         while i < high:

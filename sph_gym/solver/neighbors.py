@@ -157,8 +157,8 @@ def count_cells(grid):
 def row_range(grid, start, row):
     """First and last-plus-one particle of a row of cells."""
     if grid is None:
-        return start[0], start[1]
-    return start[row * grid.n_columns], start[(row + 1) * grid.n_columns]
+        return entry(start, 0), entry(start, 1)
+    return entry(start, row * grid.n_columns), entry(start, (row + 1) * grid.n_columns)
 
 
 @jitable

@@ -96,26 +96,47 @@ class World(NamedTuple):
 
 
 @jitable
-def sort_walls(walls, source, wall_sums, source_sums, team, grid, sorting, wall_start):
-    """Walls into the order of their cells: always from the same order, so that a restored run
-    sums in the order of the first.
+def sort_all(rank, n_threads, laying, world, h):
+    """The fluid from `spare` to `fluid` in the order of its cells, on a new grid if `laying`.
+
+    The walls are sorted only where the grid has moved, and always from the same order, so that a
+    restored run sums in the order of the first. Returns False if the team was told to stop.
     """
+    sorting, team = world.sorting, world.team
+    if laying:
+        if rank == 0 and lay_grid(sorting.frame, world.spare, h, world.start.size - 1):
+            _sort_walls(
+                world.walls, world.wall_source, world.wall_sums, world.source_sums,
+                rank, rank + 1, team, read_grid(sorting.frame), sorting, world.wall_start,
+            )  # fmt: skip
+        if not meet(team, n_threads):
+            return False
+    grid = read_grid(sorting.frame)
+    return sort_into_cells(
+        rank, n_threads, team, grid, world.spare, world.fluid, sorting, world.start
+    )
+
+
+@jitable
+def _sort_walls(
+    walls, source, wall_sums, source_sums, rank, n_threads, team, grid, sorting, wall_start
+):
     if walls is None:
         return
-    sort_into_cells(0, 1, team, grid, source, walls, sorting, wall_start)
+    sort_into_cells(rank, n_threads, team, grid, source, walls, sorting, wall_start)
     for i in range(walls.id.size):
         wall_sums[i] = source_sums[walls.id[i]]
 
 
 @jitable
 def prepare_walls(
-    walls, wall_sums, source_sums, wall_start, grid, lists, n_threads, kernel, constants
+    rank, n_threads, walls, wall_sums, source_sums, wall_start, grid, lists, kernel, constants
 ):
     """Find out the walls' sums over each other if they are unknown; True: list too short."""
-    if walls is None or source_sums[0] >= 0.0:
+    if walls is None or rank > 0 or source_sums[0] >= 0.0:
         return False
     if compute_wall_sums(
-        walls, wall_sums, wall_start, grid, lists, n_threads, kernel, constants
+        rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants
     ):
         return True
     for i in range(walls.id.size):
@@ -142,9 +163,9 @@ def first_bad(status, n_threads):
 
 
 @jit
-def evaluate_acceleration(fluid, walls, lists, model, time, ax, ay):
-    """Acceleration [m/s^2] of every fluid particle, in the order of `fluid`."""
-    i, n_fluid = 0, fluid.id.size
+def evaluate_acceleration(i, fluid, walls, lists, model, time, ax, ay):
+    """Acceleration [m/s^2] of the fluid particles from i on, in the order of `fluid`."""
+    n_fluid = fluid.id.size
     scale = model.constants.force_scale
     while i < n_fluid:
         n = group_size(lists, i, min(width(ax), n_fluid - i))
@@ -214,7 +235,7 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
     """
     fluid, spare, start = world.fluid, world.spare, world.start
     walls, wall_start, wall_sums = world.walls, world.wall_start, world.wall_sums
-    sorting, lists, status, team = world.sorting, world.lists, world.status, world.team
+    lists, status, team = world.lists, world.status, world.team
     kernel, eos, constants = model.kernel, model.eos, model.constants
     status[rank, STEPS], status[rank, BAD], status[rank, FULL] = 0, -1, 0
     for k in range(n_substeps + 1):
@@ -226,21 +247,14 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
                 return
         elif not stale:
             continue
-        if k == n_substeps or k % LAY_EVERY == 0:
-            if rank == 0 and lay_grid(sorting.frame, spare, float(constants.h), start.size - 1):
-                sort_walls(
-                    walls, world.wall_source, wall_sums, world.source_sums,
-                    team, read_grid(sorting.frame), sorting, wall_start,
-                )  # fmt: skip
-            if not meet(team, n_threads):
-                return
-        grid = read_grid(sorting.frame)
-        full = rank == 0 and prepare_walls(
-            walls, wall_sums, world.source_sums, wall_start, grid, lists, n_threads,
+        laying = k == n_substeps or k % LAY_EVERY == 0
+        if not sort_all(rank, n_threads, laying, world, float(constants.h)):
+            return
+        grid = read_grid(world.sorting.frame)
+        full = prepare_walls(
+            rank, n_threads, walls, wall_sums, world.source_sums, wall_start, grid, lists,
             kernel, constants,
         )  # fmt: skip
-        if not sort_into_cells(rank, n_threads, team, grid, spare, fluid, sorting, start):
-            return
         full = full or compute_wall_density(
             rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid, lists,
             kernel, eos, constants,

@@ -1,23 +1,54 @@
 """Studies: commands that measure something, print a table and write it as CSV."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 from sph_gym.solver.checks import known
-from sph_gym.studies import startup, validation
-from sph_gym.studies.table import Row, show
+from sph_gym.studies import effects, machine, startup, throughput, validation
+from sph_gym.studies.peers import Peers
+from sph_gym.studies.table import Row, show, write
 
-_STUDIES: dict[str, Callable[[bool], list[Row]]] = {
+_STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "startup": startup.measure,
     "validation": validation.measure,
+    "throughput": throughput.measure,
+    "effects": effects.measure,
 }
+# What more a study leaves in its folder, from its rows.
+_FINISH: dict[str, Callable[[list[Row], Path], None]] = {"throughput": throughput.finish}
 
 
-def run_study(name: str, quick: bool = False, folder: str | Path = "runs/studies") -> int:
-    """Run a study, print its table and write `folder`/NAME.csv.
+def names() -> list[str]:
+    """The studies that `run_study` knows."""
+    return list(_STUDIES)
 
-    Returns 1 if a row misses its bound, else 0. Raises ValueError that lists the known studies.
+
+def run_study(
+    name: str,
+    quick: bool = False,
+    folder: str | Path = "runs/studies",
+    peers: Peers | None = None,
+) -> int:
+    """Run a study, print its table, write `folder`/NAME.csv and, on what it ran, NAME.json.
+
+    The file grows with every row, so that an interrupted study leaves what it has measured.
+    Returns 1 if a row misses its bound, else 0. Raises ValueError that lists the known studies,
+    and for `peers` where there is nothing to compare.
     """
-    rows = _STUDIES[known("study", name, _STUDIES)](quick)
-    show(name, rows, Path(folder) / f"{name}.csv")
+    study = _STUDIES[known("study", name, _STUDIES)]
+    if peers is not None and name != "throughput":
+        raise ValueError(f"--peers: only the throughput study has peers, not {name}")
+    options: dict[str, Any] = {} if peers is None else {"peers": peers}
+    place = Path(folder)
+    rows: list[Row] = []
+    machine.write(place / f"{name}.json")
+    try:
+        for row in study(quick, **options):
+            rows.append(row)
+            write(rows, place / f"{name}.csv")
+    finally:
+        if rows:
+            show(name, rows, place / f"{name}.csv")
+            _FINISH.get(name, lambda rows, folder: None)(rows, place)
     return int(any(not row.holds for row in rows))

@@ -17,7 +17,7 @@ NAMED = {
 @pytest.mark.without_jit
 @pytest.mark.parametrize("named", [None, *NAMED])
 def test_what_is_not_named_is_none_to_the_compiler(named):
-    model = simulation("none", effects=NAMED.get(named, Effects()))._model
+    model = simulation("none", effects=NAMED.get(named, Effects())).engine.model
     assert (model.gravity, model.box) == (None, None)
     for effects in (model.effects, model.wall_effects):
         for effect in NAMED:
@@ -30,8 +30,8 @@ def test_what_is_not_named_is_none_to_the_compiler(named):
 
 @pytest.mark.without_jit
 def test_gravity_and_the_box_are_there_when_named():
-    assert simulation("gravity")._model.gravity is not None
-    assert simulation("box")._model.box is not None
+    assert simulation("gravity").engine.model.gravity is not None
+    assert simulation("box").engine.model.box is not None
 
 
 def test_the_xsph_control_is_inert_without_xsph():

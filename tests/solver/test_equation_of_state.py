@@ -61,8 +61,7 @@ def test_pressure_keeps_its_digits_in_single_precision(deviation):
 def test_internal_energy_is_the_work_of_pressure(gamma, clamp, q):
     eos = make_eos(B, RHO0, gamma, clamp)
     rho, step = q * RHO0, 1e-2
-    high = internal_energy(B, RHO0, gamma, clamp, rho + step)
-    low = internal_energy(B, RHO0, gamma, clamp, rho - step)
+    high, low = internal_energy(eos, rho + step), internal_energy(eos, rho - step)
     work = pressure(eos, rho) / rho**2
     assert (high - low) / (2 * step) == pytest.approx(work, rel=1e-6, abs=1e-12)
-    assert internal_energy(B, RHO0, gamma, clamp, RHO0) == pytest.approx(0.0, abs=1e-12)
+    assert internal_energy(eos, RHO0) == pytest.approx(0.0, abs=1e-12)

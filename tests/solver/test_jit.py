@@ -15,7 +15,16 @@ from sph_gym.solver.jit import FASTMATH, cache_home, source_hash
 SOLVER = Path(jit.__file__).parent
 
 # compiles one small function, in a fresh interpreter
-SMALL = "from sph_gym.solver.walls import reflect; print(reflect(0.0, 1.0, 0.5, -1.0, -2.0))"
+SMALL = """
+from sph_gym.solver.jit import jit
+from sph_gym.solver.walls import reflect
+
+@jit
+def bounce(x, u):
+    return reflect(0.0, 1.0, 0.5, x, u)
+
+print(bounce(-1.0, -2.0))
+"""
 
 
 @pytest.fixture
@@ -68,8 +77,10 @@ def test_the_users_folder_comes_first(monkeypatch, tmp_path):
         assert cache_home() == tmp_path / "xdg" / "sph_gym"
 
 
-def run(cache):
-    """SMALL in another interpreter, with `cache` for its cache."""
+def run(folder, cache):
+    """SMALL, put into `folder`, in another interpreter, with `cache` for its cache."""
+    script = folder / "small.py"
+    script.write_text(SMALL)
     # the tree that is tested here, wherever it is installed
     environment = os.environ | {
         "SPH_GYM_CACHE": str(cache),
@@ -77,7 +88,7 @@ def run(cache):
         "PYTHONPATH": str(SOLVER.parents[1]),
     }
     return subprocess.run(
-        [sys.executable, "-W", "error", "-c", SMALL],
+        [sys.executable, "-W", "error", script],
         env=environment,
         check=True,
         capture_output=True,
@@ -86,15 +97,15 @@ def run(cache):
 
 
 def test_machine_code_goes_to_the_chosen_folder(tmp_path):
-    assert run(tmp_path) == "(0.0, 1.0)"
-    assert {path.name for path in (tmp_path / "jit").iterdir()} == {source_hash()}
-    assert list(tmp_path.glob("jit/*/**/*.nbc"))
+    assert run(tmp_path, tmp_path / "cache") == "(0.0, 1.0)"
+    assert {path.name for path in (tmp_path / "cache" / "jit").iterdir()} == {source_hash()}
+    assert list(tmp_path.glob("cache/jit/*/**/*.nbc"))
 
 
 def test_without_a_folder_to_write_to_it_still_runs(tmp_path):
     a_file = tmp_path / "file"
     a_file.write_text("")
-    assert run(a_file / "cache") == "(0.0, 1.0)"
+    assert run(tmp_path, a_file / "cache") == "(0.0, 1.0)"
 
 
 def test_fast_math_leaves_what_is_not_finite_alone():

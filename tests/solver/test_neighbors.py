@@ -10,11 +10,13 @@ from sph_gym.solver.neighbors import (
     CELLS_PER_PARTICLE,
     cell,
     count_cells,
-    make_grid,
-    scratch,
+    lay_grid,
+    make_sorting,
+    read_grid,
     sort_into_cells,
 )
 from sph_gym.solver.state import allocate_particles, empty_like
+from sph_gym.solver.teams import make_team
 from tests.cases import (
     DX,
     DYNAMIC_PRESSURE,
@@ -109,11 +111,14 @@ def test_neighbor_counts_leave_the_particle_itself_out():
 
 def sorted_by_cells(x):
     source = allocate_particles(x, np.arange(2.0 * len(x)).reshape(-1, 2), np.float64)
-    grid = make_grid(source, None, H)
-    start, cells = scratch(grid, len(x))
-    target = empty_like(source)
-    sort_into_cells(grid, source, target, start, cells)
-    return grid, start, target
+    sorting, target = make_sorting(len(x), 0, False, 1), empty_like(source)
+    n_cells = sorting.counts.shape[1]
+    start = np.zeros(n_cells + 1, np.int32)
+    assert lay_grid(sorting.frame, source, H, n_cells)
+    assert not lay_grid(sorting.frame, source, H, n_cells)  # it is there
+    grid = read_grid(sorting.frame)
+    assert sort_into_cells(0, 1, make_team(), grid, source, target, sorting, start)
+    return grid, start, type(target)(*(column[: len(x)] for column in target))
 
 
 @clouds

@@ -1,0 +1,60 @@
+"""The phases of a step, each again and again within one compiled call: which takes how long?
+
+A call from Python takes as long as a phase of a small fluid, so the repetition is compiled too.
+Every phase leaves what the next one needs, as it does within a step.
+"""
+
+from sph_gym.solver.forces import compute_fluid_density, compute_wall_density
+from sph_gym.solver.jit import jit
+from sph_gym.solver.neighbors import read_grid, sort_into_cells
+from sph_gym.solver.stepping import kick_and_drift
+
+
+@jit
+def sort(world, model, standstill, repeats):
+    """Particles into the order of their cells."""
+    for _ in range(repeats):
+        grid = read_grid(world.sorting.frame)
+        sort_into_cells(
+            0, 1, world.team, grid, world.spare, world.fluid, world.sorting, world.start
+        )
+
+
+@jit
+def wall_density(world, model, standstill, repeats):
+    """Density and pressure of wall particles."""
+    for _ in range(repeats):
+        grid = read_grid(world.sorting.frame)
+        compute_wall_density(
+            0, 1, world.walls, world.wall_sums, world.wall_start, world.fluid, world.start,
+            grid, world.lists, model.kernel, model.eos, model.constants,
+        )  # fmt: skip
+
+
+@jit
+def fluid_density(world, model, standstill, repeats):
+    """Neighbour lists, density and pressure of the fluid."""
+    for _ in range(repeats):
+        grid = read_grid(world.sorting.frame)
+        compute_fluid_density(
+            0, 1, world.fluid, world.start, world.walls, world.wall_start,
+            grid, world.lists, model.kernel, model.eos, model.constants,
+        )  # fmt: skip
+
+
+@jit
+def force(world, model, standstill, repeats):
+    """Forces and integration by a time step `standstill`, 0 in the precision of the particles."""
+    for _ in range(repeats):
+        kick_and_drift(
+            0, 1, world.fluid, world.spare, world.walls, world.lists, model, 0.0, standstill
+        )
+
+
+# In the order of a step.
+PHASES = {
+    "sort": sort,
+    "wall density": wall_density,
+    "lists, fluid density": fluid_density,
+    "force, integration": force,
+}

@@ -1,0 +1,71 @@
+"""Scenes with one of their effects left out, or with one more."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from sph_gym.solver.scene import Effects, Scene
+from sph_gym.solver.walls import Walls
+
+# Effects of the whole fluid and what is added where a scene doesn't name them; alpha, then nu in
+# h c0, far inside what the time step allows.
+ALPHA, NU = 0.02, 1e-3
+UNIFORM = ("artificial_viscosity", "laminar_viscosity", "xsph", "gravity")
+EFFECTS = (*UNIFORM, "box", "walls")
+
+
+def names(scene: Scene, effect: str) -> bool:
+    """Whether the scene calls for an effect."""
+    if effect == "box":
+        return scene.walls is not None and scene.walls.box is not None
+    if effect == "walls":
+        return scene.walls is not None and scene.walls.particles is not None
+    return bool(getattr(scene.effects, effect))
+
+
+def left_out(scene: Scene, effect: str) -> Scene:
+    """The scene without an effect; the same scene if it doesn't name it."""
+    if not names(scene, effect):
+        return scene
+    if effect in UNIFORM:
+        return _with_effect(scene, effect, False if effect == "xsph" else None)
+    assert scene.walls is not None
+    if effect == "box":
+        return dataclasses.replace(scene, walls=dataclasses.replace(scene.walls, box=None))
+    return dataclasses.replace(scene, walls=dataclasses.replace(scene.walls, particles=None))
+
+
+def added(scene: Scene, effect: str) -> Scene:
+    """The scene with an effect; the same scene if it names it already.
+
+    Raises ValueError for walls of particles, whose place only a scene can know.
+    """
+    if names(scene, effect):
+        return scene
+    if effect == "walls":
+        raise ValueError(f"{scene.name}: no boundary particles can be added")
+    if effect == "box":
+        return dataclasses.replace(scene, walls=_boxed(scene))
+    values: dict[str, Any] = {
+        "artificial_viscosity": ALPHA,
+        "laminar_viscosity": NU * scene.h * scene.fluid.c0,
+        "xsph": True,
+        "gravity": (0.0, -9.81),
+    }
+    return _with_effect(scene, effect, values[effect])
+
+
+def _with_effect(scene: Scene, effect: str, value: Any) -> Scene:
+    effects: Effects = dataclasses.replace(scene.effects, **{effect: value})
+    return dataclasses.replace(scene, effects=effects)
+
+
+def _boxed(scene: Scene) -> Walls:
+    """The scene's walls, with a box around the fluid that it doesn't touch at first."""
+    x, y = np.asarray(scene.x).T
+    margin = 10 * scene.h
+    box = (x.min() - margin, x.max() + margin, y.min() - margin, math.inf)
+    walls = scene.walls or Walls()
+    return dataclasses.replace(walls, box=box)

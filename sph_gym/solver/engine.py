@@ -42,6 +42,7 @@ class Engine:
         n = len(scene.x)  # type: ignore[arg-type]
         self.dtype, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
         self._listed_by = 1
+        self._earlier = 0
         self._records: dict[str, tuple[Any, Any]] = {}
         self.model = make_model(scene, controls, mass, dtype)
         fluid = allocate_particles(scene.x, scene.v, dtype)  # type: ignore[arg-type]
@@ -61,7 +62,7 @@ class Engine:
             source_sums=None if walls is None else column(n_walls, dtype) - 1,
             sorting=sorting,
             lists=None if brute else make_lists(n, self._most, per_particle),
-            status=np.zeros((self._most, 3), np.int64),
+            status=np.zeros((self._most, 5), np.int64),
             team=teams.make_team(),
             totals=np.zeros(9),
         )
@@ -95,11 +96,11 @@ class Engine:
 
     def finish(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
         """What `run` returns, once a call has been made; goes on if a list was too short."""
-        done = self.steps
         while self.full:
+            self._earlier, self.world.status[0, STEPS] = self.steps, 0
             self._grow()
-            self.call(True, time + done * dt, dt, n_substeps - done)
-            done += self.steps
+            self.call(True, time + self._earlier * dt, dt, n_substeps - self._earlier)
+        done, self._earlier = self.steps, 0
         return done, self.bad
 
     def call(self, stale: bool, time: float, dt: float, n_substeps: int) -> None:
@@ -112,9 +113,9 @@ class Engine:
     def begin(self, n_threads: int) -> bool:
         """Get ready for a call on so many threads; whether the lists were made for another number.
 
-        Groups end where a thread's share does, so other shares want other lists.
+        Each thread has its own list, so that other shares want other lists.
         """
-        self.world.status[:] = 0, -1, 0
+        self.world.status[:, :3] = 0, -1, 0
         before, self._listed_by = self._listed_by, n_threads
         return n_threads != before
 
@@ -127,7 +128,7 @@ class Engine:
     @property
     def steps(self) -> int:
         """Steps that the last call did."""
-        return int(self.world.status[0, STEPS])
+        return self._earlier + int(self.world.status[0, STEPS])
 
     @property
     def bad(self) -> int:
@@ -148,6 +149,7 @@ class Engine:
 
     def recover(self) -> None:
         """After a failed step or an interrupted call: go back to the last whole state."""
+        self._earlier = 0
         if not self.full:
             for name in STATE:
                 getattr(self.world.spare, name)[:] = getattr(self.world.fluid, name)

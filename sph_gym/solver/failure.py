@@ -44,9 +44,7 @@ def broken_link(
 def _distances(others: Particles, fluid: Particles, i: int) -> Floats:
     """(n,) [m] from fluid particle i to all the others."""
     n = others.id.size
-    return np.hypot(
-        others.x[:n] - np.float64(fluid.x[i]), others.y[:n] - np.float64(fluid.y[i])
-    )
+    return np.hypot(others.x[:n] - np.float64(fluid.x[i]), others.y[:n] - np.float64(fluid.y[i]))
 
 
 def _search_agrees(

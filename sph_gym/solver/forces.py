@@ -1,8 +1,8 @@
 """The only pair loops: kernel sums for the density, and everything that acts between two particles.
 
 Both run over the neighbours of a group of particles at once (neighbors.py): the group's particles
-are the lanes of x, y ..., each neighbour is repeated in all lanes. Nothing is summed across lanes,
-so a particle's sum does not depend on who else is in its group.
+are the lanes of x, y ..., each neighbour is repeated in all lanes. Nothing is summed across lanes, and
+groups do not depend on the number of threads, so neither does any sum.
 """
 
 from typing import Any, NamedTuple
@@ -32,11 +32,12 @@ from sph_gym.solver.neighbors import (
     fluid_range,
     make_window,
     neighbor,
+    own_blocks,
     own_part,
+    rest_of_block,
     row_range,
     wall_range,
 )
-from sph_gym.solver.teams import share
 
 # Added to r^2 [m^2]: the direction of two coincident particles is 0 / 1e-15 = 0, not NaN.
 COINCIDENT = 1e-30
@@ -96,19 +97,30 @@ def store_density(particles, i, n, total, eos, density_scale):
 
 @jitable
 def compute_fluid_density(
-    rank, n_threads, fluid, start, walls, wall_start, grid, lists, kernel, eos, constants
+    rank,
+    n_threads,
+    first,
+    last,
+    fluid,
+    start,
+    walls,
+    wall_start,
+    grid,
+    lists,
+    kernel,
+    eos,
+    constants,
 ):
-    """rho and p / rho^2 of a thread's share of the fluid: self, fluid and walls; and the lists.
+    """rho and p / rho^2 of fluid particles first to last: self, fluid and walls; and the lists.
 
     Returns whether the thread's list was too short, in which case not all of it was done.
     """
-    first, last = share(fluid.id.size, rank, n_threads)
     k, room = own_part(lists, rank, n_threads)
     for row in range(count_rows(grid)):
         low, high = row_range(grid, start, row)
         i, high = max(low, first), min(high, last)
         while i < high:
-            n = min(width(fluid.x), high - i)
+            n = rest_of_block(i - low, width(fluid.x), high - i)
             n, k = list_group(
                 lists, fluid, start, walls, wall_start, grid, constants, i, n, k, room
             )
@@ -116,9 +128,7 @@ def compute_fluid_density(
                 return True
             x, y = load(fluid.x, i), load(fluid.y, i)
             begin, end = fluid_range(lists, i, fluid.id.size)
-            total = add_weights(
-                fluid, lists, begin, end, kernel, x, y, like(x, 0.0)
-            )
+            total = add_weights(fluid, lists, begin, end, kernel, x, y, like(x, 0.0))
             begin, end = wall_range(lists, i, count(walls))
             total = add_weights(walls, lists, begin, end, kernel, x, y, total)
             store_density(fluid, i, n, total, eos, constants.density_scale)
@@ -158,16 +168,14 @@ def compute_wall_density(
     """The same for wall particles, whose sum over each other never changes."""
     if walls is None:
         return False
-    first, last = share(walls.id.size, rank, n_threads)
+    first, last = own_blocks(grid, wall_start, walls.id.size, width(walls.x), rank, n_threads)
     begin, room = own_part(lists, rank, n_threads)
     for row in range(count_rows(grid)):
         low, high = row_range(grid, wall_start, row)
         i, high = max(low, first), min(high, last)
         while i < high:
-            n = min(width(walls.x), high - i)
-            n, end = list_sources(
-                lists, walls, fluid, start, grid, constants, i, n, begin, room
-            )
+            n = rest_of_block(i - low, width(walls.x), high - i)
+            n, end = list_sources(lists, walls, fluid, start, grid, constants, i, n, begin, room)
             if lists is not None and end > room:
                 return True
             x, y, total = load(walls.x, i), load(walls.y, i), load(wall_sums, i)
@@ -187,18 +195,17 @@ def compute_wall_sums(
     """
     begin, room = own_part(lists, rank, n_threads)
     for row in range(count_rows(grid)):
-        i, high = row_range(grid, wall_start, row)
+        low, high = row_range(grid, wall_start, row)
+        i = low
         while i < high:
-            n = min(width(walls.x), high - i)
+            n = rest_of_block(i - low, width(walls.x), high - i)
             n, end = list_sources(
                 lists, walls, walls, wall_start, grid, constants, i, n, begin, room
             )
             if lists is not None and end > room:
                 return True
             x, y = load(walls.x, i), load(walls.y, i)
-            total = add_weights(
-                walls, lists, begin, end, kernel, x, y, like(x, 0.0)
-            )
+            total = add_weights(walls, lists, begin, end, kernel, x, y, like(x, 0.0))
             store(wall_sums, i, total, n)
             i += n
     return False

@@ -21,7 +21,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Everything in "fast" but nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708).
 FASTMATH = {"reassoc", "contract", "arcp", "afn", "nsz"}
-FULL_OPT = numba.config.OPT
+# Of LLVM: for the functions that run, and for helpers, which are optimised again inside them.
+FULL_OPT: Any = numba.config.OPT  # type: ignore[attr-defined]
 HELPER_OPT = 1
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "fastmath": FASTMATH, "_nrt": False}
 
@@ -107,7 +108,7 @@ def jit(function: Function) -> Function:
 
 def jitable(function: Function) -> Function:
     """A helper that is compiled into the `jit` functions which call it; plain Python otherwise."""
-    return cast(Function, register_jitable(**OPTIONS)(function))
+    return register_jitable(**OPTIONS)(function)
 
 
 class Family(Protocol):

@@ -265,9 +265,11 @@ def like(x: Any, value: float) -> Any:
 
 @_emits(
     like,
-    lambda x, value: signature(x, x, types.float64)
-    if (isinstance(x, Lanes) or isinstance(x, types.Float)) and _is_number(value)
-    else None,
+    lambda x, value: (
+        signature(x, x, types.float64)
+        if (isinstance(x, Lanes) or isinstance(x, types.Float)) and _is_number(value)
+        else None
+    ),
 )
 def _like(code: Code, x: Any, value: Any) -> Any:
     kind = code.sig.args[0]
@@ -569,9 +571,7 @@ def atomic_add(array: Any, i: int, value: int) -> int:
     return before
 
 
-@_emits(
-    atomic_add, lambda array, i, value: signature(types.int64, array, types.intp, types.int64)
-)
+@_emits(atomic_add, lambda array, i, value: signature(types.int64, array, types.intp, types.int64))
 def _atomic_add(code: Code, array: Any, i: Any, value: Any) -> Any:
     return code.builder.atomic_rmw("add", code.address(array, i), value, "seq_cst")
 

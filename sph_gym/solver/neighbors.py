@@ -250,16 +250,17 @@ def lay_grid(frame, fluid, h, n_cells):
     x_low, x_high = float(box.x_low), float(box.x_high)
     y_low, y_high = float(box.y_low), float(box.y_high)
     for _ in range(40):
-        first_column = math.floor(x_low / cell_width) - COLUMNS_PER_SUPPORT - 1
-        first_row = math.floor(y_low / height) - 2
-        n_columns = math.floor(x_high / cell_width) + COLUMNS_PER_SUPPORT + 2 - first_column
-        n_rows = math.floor(y_high / height) + 3 - first_row
+        # floats, which cannot overflow into small numbers
+        first_column = np.floor(x_low / cell_width) - COLUMNS_PER_SUPPORT - 1.0
+        first_row = np.floor(y_low / height) - 2.0
+        n_columns = np.floor(x_high / cell_width) + COLUMNS_PER_SUPPORT + 2.0 - first_column
+        n_rows = np.floor(y_high / height) + 3.0 - first_row
         if n_columns * n_rows <= n_cells:
             break
         x_low, x_high = _bulk(fluid.x, fluid.id.size, x_low, x_high)
         y_low, y_high = _bulk(fluid.y, fluid.id.size, y_low, y_high)
     else:
-        side = math.floor(math.sqrt(n_cells))
+        side = np.floor(math.sqrt(n_cells))
         n_columns, n_rows = min(n_columns, side), min(n_rows, side)
     x0, y0 = first_column * cell_width, first_row * height
     same = frame[0] == x0 and frame[1] == y0 and frame[4] == n_columns and frame[5] == n_rows
@@ -271,18 +272,20 @@ def lay_grid(frame, fluid, h, n_cells):
 @jitable
 def _bulk(values, n, low, high):
     """Mean -+ STRAY standard deviations of the values in [low, high], and no wider than that."""
-    count = 0
-    total = total2 = 0.0
-    middle = 0.5 * (low + high)
+    # two passes: a difference of squares would lose all digits where a stray is very far
+    count, total, total2 = 0, 0.0, 0.0
     for i in range(n):
         value = float(values[i])
         if low <= value <= high:
             count += 1
-            total += value - middle
-            total2 += (value - middle) ** 2
+            total += value
     mean = total / max(count, 1)
-    reach = STRAY * math.sqrt(max(total2 / max(count, 1) - mean * mean, 0.0))
-    return max(low, middle + mean - reach), min(high, middle + mean + reach)
+    for i in range(n):
+        value = float(values[i])
+        if low <= value <= high:
+            total2 += (value - mean) ** 2
+    reach = STRAY * math.sqrt(total2 / max(count, 1))
+    return max(low, mean - reach), min(high, mean + reach)
 
 
 # --- Lists ----------------------------------------------------------------------------------
@@ -304,6 +307,35 @@ def own_part(lists, rank, n_threads):
     if lists is None:
         return 0, 0
     return share(lists.entries.size, rank, n_threads)
+
+
+@jitable
+def rest_of_block(i, n_lanes, n):
+    """How many of the next n particles, i places into their row, a group may have.
+
+    Groups don't reach over a multiple of the lanes, counted from the row's first particle. So they
+    are the same wherever a thread's share ends; a list of another length would be summed by
+    another mix of unrolled and single passes, which round differently.
+    """
+    return min(n_lanes - i % n_lanes, n)
+
+
+@jitable
+def _next_block(grid, start, n_lanes, i):
+    """The first particle from i on with which a block may begin."""
+    for row in range(count_rows(grid)):
+        low, high = row_range(grid, start, row)
+        if i < high:
+            blocks = (max(i - low, 0) + n_lanes - 1) // n_lanes
+            return min(low + blocks * n_lanes, high)
+    return i
+
+
+@jitable
+def own_blocks(grid, start, n, n_lanes, rank, n_threads):
+    """A thread's share of n sorted particles, in whole blocks."""
+    first, last = share(n, rank, n_threads)
+    return _next_block(grid, start, n_lanes, first), _next_block(grid, start, n_lanes, last)
 
 
 @jitable

@@ -44,10 +44,11 @@ def column(n: int, dtype: Any) -> NDArray[Any]:
 def allocate_particles(x: Floats, v: Floats, dtype: type) -> Particles:
     """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given."""
     n = len(x)
-    columns = [column(n, dtype) for _ in range(6)]
+    columns: list[Any] = [column(n, dtype) for _ in range(6)]
     for place, values in zip(columns, (*x.T, *v.T), strict=False):
         place[:n] = values
-    return Particles(*columns, np.arange(n, dtype=np.int32))
+    columns.append(np.arange(n, dtype=np.int32))
+    return Particles(*columns)
 
 
 def empty_like(particles: Any) -> Any:

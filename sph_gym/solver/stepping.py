@@ -21,11 +21,12 @@ from sph_gym.solver.neighbors import (
     Sorting,
     group_size,
     lay_grid,
+    own_blocks,
     read_grid,
     sort_into_cells,
 )
 from sph_gym.solver.state import Indices, Particles
-from sph_gym.solver.teams import meet, share
+from sph_gym.solver.teams import meet
 from sph_gym.solver.walls import Box, confine
 
 # The article's limits. Its 0.4 h^2/nu diverges where h is the support radius; 0.125: Morris 1997.
@@ -34,8 +35,8 @@ FORCE = 0.25
 VISCOUS = 0.125
 
 # Columns of `World.status`: steps done by thread 0, the first particle in a thread's share that
-# failed or -1, whether a thread's list was too short.
-STEPS, BAD, FULL = 0, 1, 2
+# failed or -1, whether a thread's list was too short; the particles that are its share.
+STEPS, BAD, FULL, FIRST, LAST = 0, 1, 2, 3, 4
 # Steps after which the grid follows the fluid within a call.
 LAY_EVERY = 64
 
@@ -76,7 +77,7 @@ class World(NamedTuple):
     state as the last step left it, or scratch; start, wall_start: (n_cells + 1,) first particle
     of every cell; walls: in the order of the cells; wall_source: in public order; wall_sums,
     source_sums: kernel sums of wall particles over each other, in the two orders, below 0 while
-    unknown; status: (n_threads, 3) int64, see the constants above; team: flags of the threads;
+    unknown; status: (n_threads, 5) int64, see the constants above; team: flags of the threads;
     totals: (9,) of the state, see `diagnostics.Totals`.
     """
 
@@ -180,15 +181,15 @@ def evaluate_acceleration(i, fluid, walls, lists, model, time, ax, ay):
 
 
 @jitable
-def kick_and_drift(rank, n_threads, source, target, walls, lists, model, time, dt):
-    """Symplectic Euler from `source` to `target`: v += a dt, then x += (smoothed v) dt.
+def kick_and_drift(first, last, source, target, walls, lists, model, time, dt):
+    """Symplectic Euler for particles first to last: v += a dt, then x += (smoothed v) dt.
 
     The XSPH sum is that of the velocities before the kick, so that one pair loop serves both.
-    Returns the first particle of the thread's share that is no longer finite or too fast, or -1.
+    Returns the first of them that is no longer finite or too fast, or -1.
     """
-    i, last = share(source.id.size, rank, n_threads)
-    for k in range(i, last):
+    for k in range(first, last):
         target.id[k] = source.id[k]
+    i = first
     scale = model.constants.force_scale
     bad = -1
     while i < last:
@@ -241,7 +242,8 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
     for k in range(n_substeps + 1):
         if k > 0:
             now = time + (k - 1) * float(dt)
-            bad = kick_and_drift(rank, n_threads, fluid, spare, walls, lists, model, now, dt)
+            first, last = status[rank, FIRST], status[rank, LAST]
+            bad = kick_and_drift(first, last, fluid, spare, walls, lists, model, now, dt)
             status[rank, STEPS], status[rank, BAD] = k, bad
             if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
                 return
@@ -251,6 +253,8 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
         if not sort_all(rank, n_threads, laying, world, float(constants.h)):
             return
         grid = read_grid(world.sorting.frame)
+        first, last = own_blocks(grid, start, fluid.id.size, width(fluid.x), rank, n_threads)
+        status[rank, FIRST], status[rank, LAST] = first, last
         full = prepare_walls(
             rank, n_threads, walls, wall_sums, world.source_sums, wall_start, grid, lists,
             kernel, constants,
@@ -260,8 +264,9 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
             kernel, eos, constants,
         )  # fmt: skip
         full = full or compute_fluid_density(
-            rank, n_threads, fluid, start, walls, wall_start, grid, lists, kernel, eos, constants
-        )
+            rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
+            kernel, eos, constants,
+        )  # fmt: skip
         status[rank, FULL] = full
         if not meet(team, n_threads) or any_full(status, n_threads):
             return

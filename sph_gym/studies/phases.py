@@ -37,7 +37,7 @@ def fluid_density(world, model, standstill, repeats):
     for _ in range(repeats):
         grid = read_grid(world.sorting.frame)
         compute_fluid_density(
-            0, 1, world.fluid, world.start, world.walls, world.wall_start,
+            0, 1, 0, world.fluid.id.size, world.fluid, world.start, world.walls, world.wall_start,
             grid, world.lists, model.kernel, model.eos, model.constants,
         )  # fmt: skip
 
@@ -47,8 +47,9 @@ def force(world, model, standstill, repeats):
     """Forces and integration by a time step `standstill`, 0 in the precision of the particles."""
     for _ in range(repeats):
         kick_and_drift(
-            0, 1, world.fluid, world.spare, world.walls, world.lists, model, 0.0, standstill
-        )
+            0, world.fluid.id.size, world.fluid, world.spare, world.walls, world.lists,
+            model, 0.0, standstill,
+        )  # fmt: skip
 
 
 # In the order of a step.

@@ -108,7 +108,7 @@ def _run(engines: Sequence[Engine], legs: Sequence[tuple[float, float, int]], mo
     worlds = np.stack([engine.record("world", _record) for engine in engines])
     models = np.stack([engine.record("model", _record) for engine in engines])
     time, dt, n_substeps = (np.array(column) for column in zip(*legs, strict=True))
-    work = np.cumsum([len(engine.fluid.id) * leg[2] for engine, leg in zip(engines, legs)])
+    work = np.cumsum([len(engine.fluid.id) for engine in engines] * n_substeps)
     with teams.borrow(min(most, len(engines))) as n_threads:
         shares = np.arange(1, n_threads) * work[-1] / n_threads
         bounds = np.array([0, *np.searchsorted(work, shares), len(engines)])

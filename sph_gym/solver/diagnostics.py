@@ -94,8 +94,8 @@ def _count(x, y, sources, lists, i, first, last, h2, nearest, count):
 
 @jit
 def nearest_and_count(i, fluid, walls, lists, h2, nearest, number):
-    """Fill two columns from fluid particle i on: the squared distance [m^2] to the nearest other fluid particle, inf if
-    none is within h, and the number of all other particles within h.
+    """Fill two columns from fluid particle i on: the squared distance [m^2] to the nearest other
+    fluid particle, inf if none is within h, and the number of all other particles within h.
     """
     n_fluid = fluid.id.size
     while i < n_fluid:

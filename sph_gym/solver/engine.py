@@ -17,7 +17,7 @@ from sph_gym.solver.state import (
     column,
     empty_like,
 )
-from sph_gym.solver.stepping import BAD, FULL, STEPS, World
+from sph_gym.solver.stepping import FULL, STEPS, World
 from sph_gym.solver.target import n_lanes
 
 # Other threads aren't worth waking for less: particles of each, and particle-steps of one call.

@@ -35,9 +35,8 @@ def broken_link(
         wrong = ~np.isfinite(values[:n])
         if wrong.any():
             return link, int(np.argmax(wrong))
-    if walls is not None:
-        if _distances(walls, fluid, bad).min() < INSIDE * scene.dx:
-            return "walls", bad
+    if walls is not None and _distances(walls, fluid, bad).min() < INSIDE * scene.dx:
+        return "walls", bad
     return "integration", bad
 
 

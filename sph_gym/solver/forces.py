@@ -1,8 +1,8 @@
 """The only pair loops: kernel sums for the density, and everything that acts between two particles.
 
 Both run over the neighbours of a group of particles at once (neighbors.py): the group's particles
-are the lanes of x, y ..., each neighbour is repeated in all lanes. Nothing is summed across lanes, and
-groups do not depend on the number of threads, so neither does any sum.
+are the lanes of x, y ..., each neighbour is repeated in all lanes. Nothing is summed across lanes,
+and groups do not depend on the number of threads, so neither does any sum.
 """
 
 from typing import Any, NamedTuple

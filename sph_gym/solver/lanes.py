@@ -267,7 +267,7 @@ def like(x: Any, value: float) -> Any:
     like,
     lambda x, value: (
         signature(x, x, types.float64)
-        if (isinstance(x, Lanes) or isinstance(x, types.Float)) and _is_number(value)
+        if isinstance(x, (Lanes, types.Float)) and _is_number(value)
         else None
     ),
 )

@@ -148,10 +148,10 @@ def prepare_walls(
 @jitable
 def any_full(status, n_threads):
     """Whether any thread's list was too short."""
+    full = False
     for t in range(n_threads):
-        if status[t, FULL] != 0:
-            return True
-    return False
+        full = full or status[t, FULL] != 0
+    return full
 
 
 @jitable

@@ -1,6 +1,7 @@
 """`Engine`: the arrays of a running simulation, and the compiled calls that work on them."""
 
 from collections.abc import Callable
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ class Engine:
         self.dtype, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
         self._listed_by = 1
         self._earlier = 0
+        self._pace = teams.Pace()
         self._records: dict[str, tuple[Any, Any]] = {}
         self.model = make_model(scene, controls, mass, dtype)
         fluid = allocate_particles(scene.x, scene.v, dtype)  # type: ignore[arg-type]
@@ -108,7 +110,10 @@ class Engine:
         with teams.borrow(self._worthwhile(n_substeps)) as n_threads:
             stale = self.begin(n_threads) or stale
             arguments = self.world, self.model, stale, time, self.dtype(dt), n_substeps
+            began = perf_counter()
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
+            work = len(self.fluid.id) * n_substeps
+            self._pace.note(n_threads, work, perf_counter() - began)
 
     def begin(self, n_threads: int) -> bool:
         """Get ready for a call on so many threads; whether the lists were made for another number.
@@ -123,7 +128,9 @@ class Engine:
         """Number of threads for so many substeps."""
         if n_substeps == 0:
             return self._listed_by
-        return self._most if len(self.fluid.id) * n_substeps >= WORTH_WAKING else 1
+        if len(self.fluid.id) * n_substeps < WORTH_WAKING:
+            return 1
+        return self._pace.choose(self._most)
 
     @property
     def steps(self) -> int:

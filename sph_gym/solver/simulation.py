@@ -18,6 +18,9 @@ DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
 # Work of one compiled call [particle-steps]: short enough for Ctrl-C, long enough to cost nothing.
 CHUNK = 2_000_000
+# Particles that a thread gets if nobody says how many threads there should be. Small fluids mostly
+# come in numbers, and then there is better use for the other processors.
+DEFAULT_PER_THREAD = 2000
 MAX_SUBSTEPS = 10**12
 DEFAULT_XSPH = 0.3
 
@@ -48,9 +51,10 @@ class Simulation:
     """A scene in motion.
 
     dtype: "float64" or "float32", the precision of the particles; neighbors: "grid" or "brute";
-    threads: the most to use, by default the CPUs that the process may use; a small cloud uses
-    fewer, and the result is bitwise the same for any number. `controls` may be set at any time
-    between two calls. Raises ValueError for unknown names and for less than one thread.
+    threads: the most to use, by default one for every 2000 fluid particles and no more than the
+    CPUs that the process may use; where more wouldn't pay, fewer are used, and the result is
+    bitwise the same for any number. `controls` may be set at any time between two calls.
+    Raises ValueError for unknown names and for less than one thread.
     """
 
     def __init__(
@@ -65,7 +69,9 @@ class Simulation:
         self.scene = scene
         self.dtype = known("dtype", dtype, DTYPES)
         self.neighbors = known("neighbors", neighbors, NEIGHBORS)
-        most = teams.most_threads() if threads is None else whole("threads", threads, at_least=1)
+        if threads is None:
+            threads = self._default_threads()
+        most = whole("threads", threads, at_least=1)
         self._float = DTYPES[self.dtype]
         self.mass = particle_mass(scene)
         self.time = 0.0
@@ -77,6 +83,10 @@ class Simulation:
         self._totals = self._sum()
         self._ledger = diagnostics.Ledger(self._totals, *self._energy_scales())
         self._nominal_dt()
+
+    def _default_threads(self) -> int:
+        n_fluid = len(np.asarray(self.scene.x))
+        return max(min(teams.most_threads(), n_fluid // DEFAULT_PER_THREAD), 1)
 
     def _initial_controls(self) -> Controls:
         if self.scene.controls is not None:

@@ -6,6 +6,7 @@ threads sleep while no call is running. Inside a call they wait busily for each 
 phase takes microseconds, but hand the processor over when it is needed elsewhere.
 """
 
+import math
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -64,6 +65,39 @@ def most_threads() -> int:
     affinity = getattr(os, "sched_getaffinity", None)
     cpus = len(affinity(0)) if affinity else os.cpu_count() or 1
     return max(min(cpus, int(config.NUMBA_NUM_THREADS)), 1)
+
+
+class Pace:
+    """Whether a team is worth it: on a busy machine its threads wait for a processor in turns.
+
+    The number of threads changes no result, so it may follow the clock. The first call is made
+    alone; when a team turns out slower, so are the next 1, 2, 4 ... calls.
+    """
+
+    LONGEST = 64
+
+    def __init__(self) -> None:
+        self._alone = math.inf
+        self._penalty = self._left = 1
+
+    def choose(self, most: int) -> int:
+        """Number of threads for the next call."""
+        if most > 1 and self._left == 0:
+            return most
+        return 1
+
+    def note(self, n_threads: int, work: int, seconds: float) -> None:
+        """Enter how long a call of so many particle-steps took."""
+        if work == 0:
+            return
+        pace = seconds / work
+        if n_threads == 1:
+            self._alone = pace if self._left else min(pace, self._alone)
+            self._left = max(self._left - 1, 0)
+        elif pace > self._alone:
+            self._left, self._penalty = self._penalty, min(2 * self._penalty, self.LONGEST)
+        else:
+            self._penalty = 1
 
 
 class _Pool:

@@ -11,7 +11,7 @@ from sph_gym import scenes
 from sph_gym.env import env_id
 from sph_gym.studies.table import Row
 
-COLD, WARM = 30.0, 2.0
+COLD, WARM = 15.0, 1.5
 REPEATS = 3
 
 _FIRST_STEP = """

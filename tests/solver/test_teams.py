@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, scenes
-from sph_gym.solver import engine, stepping, teams
+from sph_gym.solver import engine, simulation, stepping, teams
 from sph_gym.solver.jit import jit
 from tests.cases import STIFFNESS, WATER, assert_close, fluid, scene
 from tests.naive import Naive
 from tests.solver.test_simulation import FIELDS, assert_same
 
 ROOT = Path(__file__).parents[2]
+CHOOSE = teams.Pace.choose
 NUMBERS = (1, 2, 3, 4)
 several_numbers = pytest.mark.parametrize("n_threads", NUMBERS[1:])
 kinds = pytest.mark.parametrize(
@@ -33,6 +34,8 @@ def _eager(monkeypatch):
     """Even the smallest cloud and the shortest call are worth several threads."""
     monkeypatch.setattr(engine, "PARTICLES_PER_THREAD", 16)
     monkeypatch.setattr(engine, "WORTH_WAKING", 1)
+    monkeypatch.setattr(simulation, "DEFAULT_PER_THREAD", 16)
+    monkeypatch.setattr(teams.Pace, "choose", lambda pace, most: most)
 
 
 def simulate(n_threads, dtype="float64", neighbors="grid", configuration="everything", **changes):
@@ -184,6 +187,34 @@ def test_without_affinities_it_is_the_number_of_cpus(cpus, expected, monkeypatch
     monkeypatch.setattr(os, "cpu_count", lambda: cpus)
     monkeypatch.setattr(numba.config, "NUMBA_NUM_THREADS", 64)
     assert teams.most_threads() == expected
+
+
+def paced(pace, seconds_of):
+    """The numbers of threads of ten calls, each taking as long as its number of threads says."""
+    numbers = []
+    for _ in range(10):
+        numbers.append(CHOOSE(pace, 2))
+        pace.note(numbers[-1], 1000, seconds_of[numbers[-1]])
+    return numbers
+
+
+@pytest.mark.without_jit
+def test_a_team_that_pays_is_kept():
+    assert paced(teams.Pace(), {1: 1.0, 2: 0.6}) == [1] + 9 * [2]
+
+
+@pytest.mark.without_jit
+def test_a_team_that_is_slower_is_tried_ever_more_rarely():
+    pace = teams.Pace()
+    assert paced(pace, {1: 1.0, 2: 3.0}) == [1, 2, 1, 2, 1, 1, 2, 1, 1, 1]
+    assert paced(pace, {1: 1.0, 2: 0.5}) == [1] + 9 * [2]
+
+
+@pytest.mark.without_jit
+def test_a_call_without_steps_says_nothing_about_the_pace():
+    pace = teams.Pace()
+    pace.note(1, 0, 5.0)
+    assert CHOOSE(pace, 2) == 1
 
 
 @pytest.mark.without_jit

@@ -76,16 +76,7 @@ def _checked(simulations: Iterable[Simulation]) -> list[Simulation]:
 
 
 def _kind(journey: Journey) -> str:
-    """What two simulations must share to go through the same machine code."""
-    engine = journey.sim.engine
-    return str((engine.dtype, _structure(engine.world), _structure(engine.model)))
-
-
-def _structure(value: Any) -> Any:
-    """The types of nested tuples, as numba sees them."""
-    if isinstance(value, tuple):
-        return type(value).__name__, *map(_structure, value)
-    return type(value).__name__
+    return journey.sim.engine.kind
 
 
 def _legs(journeys: Sequence[Journey], most: int) -> None:

@@ -1,6 +1,7 @@
 """`Engine`: the arrays of a running simulation, and the compiled calls that work on them."""
 
 from collections.abc import Callable
+from functools import cached_property
 from time import perf_counter
 from typing import Any
 
@@ -79,6 +80,11 @@ class Engine:
     def walls(self) -> Particles | None:
         """The wall particles, in the order of their cells."""
         return self.world.walls
+
+    @cached_property
+    def kind(self) -> str:
+        """What two simulations must share to run the same machine code."""
+        return str((self.dtype, _structure(self.world), _structure(self.model)))
 
     def set_controls(self, controls: Controls) -> None:
         """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
@@ -212,6 +218,13 @@ class Engine:
         for name, values in columns.items():
             getattr(self.world.spare, name)[: len(values)] = values
         self.renew()
+
+
+def _structure(value: Any) -> Any:
+    """The types of nested tuples, as numba sees them."""
+    if isinstance(value, tuple):
+        return type(value).__name__, *map(_structure, value)
+    return type(value).__name__
 
 
 def _wall_particles(scene: Scene, dtype: Any) -> Particles | None:

@@ -46,6 +46,87 @@ def wendland_laplacian(r, h):
     return np.where(q < 1, 280 / (np.pi * h**4) * (1 - q) ** 3, 0.0)
 
 
+def spiky(r, h):
+    """W(r) [1/m^2] of the spiky kernel."""
+    return np.where(r < h, 10 / (np.pi * h**5) * (h - r) ** 3, 0.0)
+
+
+def cubic_spline(r, h):
+    """W(r) [1/m^2] of the M4 spline, Monaghan 1992; its smoothing length s is half of h."""
+    s = h / 2
+    q = r / s
+    parts = [1 - 3 / 2 * q**2 + 3 / 4 * q**3, 1 / 4 * (2 - q) ** 3]
+    return 10 / (7 * np.pi * s**2) * np.select([q < 1, q < 2], parts)
+
+
+def cubic_slope(r, h):
+    """dW/dr [1/m^3]."""
+    s = h / 2
+    q = r / s
+    parts = [-3 * q + 9 / 4 * q**2, -3 / 4 * (2 - q) ** 2]
+    return 10 / (7 * np.pi * s**3) * np.select([q < 1, q < 2], parts)
+
+
+def cubic_laplacian(r, h):
+    """Morris 1997: -2 (dW/dr) / r, with its limit at r = 0."""
+    s = h / 2
+    q = r / s
+    parts = [3 - 9 / 4 * q, 3 / 4 * (2 - q) ** 2 / np.maximum(q, 1)]
+    return 20 / (7 * np.pi * s**4) * np.select([q < 1, q < 2], parts)
+
+
+def quintic_spline(r, h):
+    """W(r) [1/m^2] of the M6 spline, Morris 1997; its smoothing length s is a third of h."""
+    s = h / 3
+    q = r / s
+    outer = (3 - q) ** 5
+    middle = outer - 6 * (2 - q) ** 5
+    inner = middle + 15 * (1 - q) ** 5
+    return 7 / (478 * np.pi * s**2) * np.select([q < 1, q < 2, q < 3], [inner, middle, outer])
+
+
+def quintic_slope(r, h):
+    """dW/dr [1/m^3]."""
+    s = h / 3
+    q = r / s
+    outer = (3 - q) ** 4
+    middle = outer - 6 * (2 - q) ** 4
+    inner = middle + 15 * (1 - q) ** 4
+    return -35 / (478 * np.pi * s**3) * np.select([q < 1, q < 2, q < 3], [inner, middle, outer])
+
+
+def quintic_laplacian(r, h):
+    """Morris 1997: -2 (dW/dr) / r, near r = 0 from the bracket 66 - 60 q^2 + 30 q^4 - 10 q^5."""
+    s = h / 3
+    near = 7 / (478 * np.pi * s**4) * (240 - 240 * (r / s) ** 2 + 100 * (r / s) ** 3)
+    return np.where(r < s / 10, near, -2 * quintic_slope(r, h) / np.maximum(r, s / 10))
+
+
+def mueller_in_3d(r, h):
+    """W(r) [1/m^3] with Mueller's own constant."""
+    return np.where(r < h, 315 / (64 * np.pi * h**9) * (h**2 - r**2) ** 3, 0.0)
+
+
+def mueller_slope_in_3d(r, h):
+    """dW/dr [1/m^4] with Mueller's own constant."""
+    return np.where(r < h, -45 / (np.pi * h**6) * (h - r) ** 2, 0.0)
+
+
+def mueller_laplacian_in_3d(r, h):
+    """Laplacian [1/m^5] with Mueller's own constant."""
+    return np.where(r < h, 45 / (np.pi * h**6) * (h - r), 0.0)
+
+
+def third_of_spiky_slope(r, h):
+    """dW/dr [1/m^3] without the 3 from the exponent."""
+    return spiky_slope(r, h) / 3
+
+
+def poly6_slope(r, h):
+    """dW/dr [1/m^3] of poly6."""
+    return np.where(r < h, -24 / (np.pi * h**8) * r * (h**2 - r**2) ** 2, 0.0)
+
+
 class Kernel(NamedTuple):
     density: object
     slope: object
@@ -55,6 +136,12 @@ class Kernel(NamedTuple):
 KERNELS = {
     "mueller": Kernel(poly6, spiky_slope, mueller_laplacian),
     "wendland_c2": Kernel(wendland, wendland_slope, wendland_laplacian),
+    "spiky": Kernel(spiky, spiky_slope, mueller_laplacian),
+    "cubic_spline": Kernel(cubic_spline, cubic_slope, cubic_laplacian),
+    "quintic_spline": Kernel(quintic_spline, quintic_slope, quintic_laplacian),
+    "wrong_3d_constants": Kernel(mueller_in_3d, mueller_slope_in_3d, mueller_laplacian_in_3d),
+    "wrong_spiky_gradient": Kernel(poly6, third_of_spiky_slope, mueller_laplacian),
+    "wrong_poly6_gradient": Kernel(poly6, poly6_slope, mueller_laplacian),
 }
 
 

@@ -10,6 +10,7 @@ from sph_gym.solver.jit import jit, jitable
 from sph_gym.solver.lanes import broadcast, lane, like, load, minimum, select, store, width
 from sph_gym.solver.neighbors import count, fluid_range, group_size, neighbor, wall_range
 from sph_gym.solver.target import MOST_LANES
+from sph_gym.solver.walls import nearest_image
 
 # An index that no particle of a group has: a wall particle is never the one that counts.
 NOT_ITSELF = -2 * MOST_LANES
@@ -20,8 +21,8 @@ CLUMPED = 0.6
 class Totals(NamedTuple):
     """Sums over the fluid: kinetic and internal energy [J/m], centre of mass [m], momentum
     [kg/s], angular momentum about the origin [kg m/s], largest speed [m/s], mean of
-    max(rho/rho0 - 1, 0). The internal energy counts the wall particles too, since they take
-    part in the pressure like fluid.
+    max(rho/rho0 - 1, 0). The internal energy counts wall particles that take part in the
+    pressure like fluid.
     """
 
     kinetic: float
@@ -46,7 +47,15 @@ def _elastic(particles, eos):
 
 
 @jitable
-def sum_up(fluid, walls, eos, sums):
+def _elastic_walls(extrapolation, walls, eos):
+    """Of boundary particles that are like fluid; the others only mirror its pressure."""
+    if extrapolation is None:
+        return _elastic(walls, eos)
+    return 0.0
+
+
+@jitable
+def sum_up(fluid, walls, extrapolation, eos, sums):
     """Fill `sums` for a state with fresh densities: `Totals` per unit of particle mass."""
     n = fluid.id.size
     kinetic = com_x = com_y = momentum_x = momentum_y = angular = fastest = compression = 0.0
@@ -63,7 +72,7 @@ def sum_up(fluid, walls, eos, sums):
         fastest = max(fastest, speed2)
         compression += max(float(fluid.rho[i]) * eos.inv_rho0 - 1.0, 0.0)
     sums[0] = 0.5 * kinetic
-    sums[1] = _elastic(fluid, eos) + _elastic(walls, eos)
+    sums[1] = _elastic(fluid, eos) + _elastic_walls(extrapolation, walls, eos)
     sums[2], sums[3] = com_x / n, com_y / n
     sums[4], sums[5], sums[6] = momentum_x, momentum_y, angular
     sums[7], sums[8] = math.sqrt(fastest), compression / n
@@ -76,14 +85,15 @@ def totals(sums, mass) -> Totals:
 
 
 @jitable
-def _count(x, y, sources, lists, i, first, last, h2, nearest, count):
+def _count(x, y, sources, lists, i, first, last, constants, h2, nearest, count):
     """nearest and count, with the listed `sources` around lanes x, y; itself is no other."""
     if sources is None:
         return nearest, count
     zero, one, far = like(count, 0.0), like(count, 1.0), like(nearest, np.inf)
     for k in range(first, last):
         j = neighbor(lists, k)
-        dx, dy = x - broadcast(sources.x, j), y - broadcast(sources.y, j)
+        dx = nearest_image(constants.period_x, x - broadcast(sources.x, j))
+        dy = nearest_image(constants.period_y, y - broadcast(sources.y, j))
         r2 = dx * dx + dy * dy
         other = select(lane(r2, j - i), far, r2)
         near = other < h2
@@ -93,7 +103,7 @@ def _count(x, y, sources, lists, i, first, last, h2, nearest, count):
 
 
 @jit
-def nearest_and_count(i, fluid, walls, lists, h2, nearest, number):
+def nearest_and_count(i, fluid, walls, lists, constants, h2, nearest, number):
     """Fill two columns from fluid particle i on: the squared distance [m^2] to the nearest other
     fluid particle, inf if none is within h, and the number of all other particles within h.
     """
@@ -103,9 +113,9 @@ def nearest_and_count(i, fluid, walls, lists, h2, nearest, number):
         x, y = load(fluid.x, i), load(fluid.y, i)
         inf, zero = like(x, np.inf), like(x, 0.0)
         begin, end = fluid_range(lists, i, n_fluid)
-        near, others = _count(x, y, fluid, lists, i, begin, end, h2, inf, zero)
+        near, others = _count(x, y, fluid, lists, i, begin, end, constants, h2, inf, zero)
         begin, end = wall_range(lists, i, count(walls))
-        _, others = _count(x, y, walls, lists, NOT_ITSELF, begin, end, h2, inf, others)
+        _, others = _count(x, y, walls, lists, NOT_ITSELF, begin, end, constants, h2, inf, others)
         store(nearest, i, near, n)
         store(number, i, others, n)
         i += n

@@ -3,28 +3,37 @@
 A term begins with `if effect is None` and hands back what it was given: numba decides that while
 it compiles, so an absent effect leaves no instruction behind. Terms are lane-agnostic arithmetic
 (see lanes.py); they leave out the factor m * gradient_scale, which the loop applies once a
-particle.
+particle. `Pair` and `Sums` say what they are given and what they add to.
 """
 
 from typing import Any, NamedTuple
 
-from sph_gym.solver.jit import jitable
-from sph_gym.solver.lanes import like, minimum
+from sph_gym.solver.jit import dispatch, jitable
+from sph_gym.solver.lanes import like, maximum, minimum, rsqrt, select
 
 
 class Pair(NamedTuple):
     """What particle i and its neighbour j share; kernel shapes are 0 from the support radius on.
 
-    dx, dy: x_i - x_j [m]; du, dv: v_i - v_j [m/s]; stress: p_i/rho_i^2 + p_j/rho_j^2;
-    inv_rho: 1 / (rho_i + rho_j); inv_rho_r2: the same divided by r^2 + eta^2;
-    weight, gradient, viscosity: kernel shapes.
+    dx, dy: x_i - x_j [m]; r2: its square, r: its length; du, dv: v_i - v_j [m/s]; slip_u, slip_v:
+    the same as viscosity sees it, which at a wall may be a mirrored velocity; stress_i, stress_j:
+    p / rho^2; density_gap: rho_j - rho_i; density_sum: rho_i + rho_j; inv_rho: 1 / (rho_i +
+    rho_j); inv_rho_r2: the same divided by r^2 + eta^2; weight, gradient, viscosity: kernel
+    shapes.
     """
 
     dx: Any
     dy: Any
+    r2: Any
+    r: Any
     du: Any
     dv: Any
-    stress: Any
+    slip_u: Any
+    slip_v: Any
+    stress_i: Any
+    stress_j: Any
+    density_gap: Any
+    density_sum: Any
     inv_rho: Any
     inv_rho_r2: Any
     weight: Any
@@ -33,12 +42,19 @@ class Pair(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """What particle i collects: acceleration / (m gradient_scale), XSPH sum / (2 eps m W scale)."""
+    """What particle i collects.
+
+    ax, ay: acceleration / (m gradient_scale); sx, sy: XSPH sum / (2 eps m weight_scale); growth:
+    d rho/dt / (m gradient_scale); cx, cy: - grad C / (2 m gradient_scale), see `add_crowding`.
+    """
 
     ax: Any
     ay: Any
     sx: Any
     sy: Any
+    growth: Any
+    cx: Any
+    cy: Any
 
 
 # --- Pressure -------------------------------------------------------------------------------
@@ -54,6 +70,33 @@ def add_pressure(stress, pair, ax, ay):
     return ax + force * pair.dx, ay + force * pair.dy
 
 
+# --- Tensile correction ---------------------------------------------------------------------
+
+
+class TensileCorrection(NamedTuple):
+    """strength: epsilon, share of a tension that turns to repulsion; inv_weight: 1 / W shape(dx)."""
+
+    strength: float
+    inv_weight: float
+
+
+@jitable
+def add_tensile_correction(effect, pair, stress):
+    """R (W(r) / W(dx))^4, R = eps |p|/rho^2 for either under tension, 0.01 of both if neither is.
+
+    A repulsion within dx that keeps particles from pairing under tension.
+    Source: Monaghan 2000, section 3, eqs. 3.1 and 4.2.
+    """
+    if effect is None:
+        return stress
+    zero = like(pair.r2, 0.0)
+    tension = maximum(zero - pair.stress_i, zero) + maximum(zero - pair.stress_j, zero)
+    both = minimum(pair.stress_i, pair.stress_j) > zero
+    push = select(both, like(zero, 0.01) * stress, effect.strength * tension)
+    share = pair.weight * effect.inv_weight
+    return stress + push * (share * share * (share * share))
+
+
 # --- Artificial viscosity -------------------------------------------------------------------
 
 
@@ -67,38 +110,109 @@ class ArtificialViscosity(NamedTuple):
     strength: float
 
 
+class QuadraticViscosity(NamedTuple):
+    """strength: 2 beta h^2 [m^2]."""
+
+    strength: float
+
+
 @jitable
 def add_artificial_viscosity(effect, pair, stress):
     """Pi_ij = - alpha c0 h v.r / ((r^2 + eta^2) rho_mean) for pairs that approach.
 
-    Source: Monaghan 1992, eqs. 4.1 and 4.2, beta = 0, eta^2 = 0.01 h^2.
+    Source: Monaghan 1992, eqs. 4.1 and 4.2, eta^2 = 0.01 h^2.
     """
     if effect is None:
         return stress
-    approach = pair.du * pair.dx + pair.dv * pair.dy
+    approach = pair.slip_u * pair.dx + pair.slip_v * pair.dy
     approach = minimum(approach, like(approach, 0.0))
     return stress - effect.strength * (approach * pair.inv_rho_r2)
+
+
+@jitable
+def add_quadratic_viscosity(effect, pair, stress):
+    """beta (h v.r / (r^2 + eta^2))^2 / rho_mean for pairs that approach, against penetration.
+
+    Source: Monaghan 1992, eq. 4.1, the beta term.
+    """
+    if effect is None:
+        return stress
+    approach = pair.slip_u * pair.dx + pair.slip_v * pair.dy
+    rate = minimum(approach, like(approach, 0.0)) * pair.inv_rho_r2
+    return stress + effect.strength * (rate * rate * pair.density_sum)
 
 
 # --- Laminar viscosity ----------------------------------------------------------------------
 
 
-class LaminarViscosity(NamedTuple):
+class LaplacianViscosity(NamedTuple):
     """strength: 2 nu viscosity_scale / gradient_scale, nu [m^2/s] the kinematic viscosity."""
 
     strength: float
+
+
+class MorrisViscosity(NamedTuple):
+    """strength: 4 nu [m^2/s]."""
+
+    strength: float
+
+
+@dispatch
+def friction(effect: Any, pair: Pair) -> Any:
+    """Factor of v_j - v_i in the viscous acceleration."""
+
+
+@friction.member(LaplacianViscosity)
+def _laplacian_friction(effect, pair):
+    return effect.strength * (pair.viscosity * pair.inv_rho)
+
+
+@friction.member(MorrisViscosity)
+def _morris_friction(effect, pair):
+    return effect.strength * (pair.gradient * (pair.r2 * pair.inv_rho_r2))
 
 
 @jitable
 def add_laminar_viscosity(effect, pair, ax, ay):
     """nu sum m (v_j - v_i) / rho_mean w_ij; dt <= 0.125 h^2 / nu.
 
-    Source: Mueller, Charypar, Gross 2003, eq. 14, with the mean density, which conserves momentum.
+    w is the Laplacian weight of the kernel (Mueller, Charypar, Gross 2003, eq. 14), or
+    2 r . grad W / (r^2 + eta^2) (Morris, Fox, Zhu 1997, eq. 22), both with the mean density,
+    which conserves momentum.
     """
     if effect is None:
         return ax, ay
-    drag = effect.strength * (pair.viscosity * pair.inv_rho)
-    return ax - drag * pair.du, ay - drag * pair.dv
+    drag = friction(effect, pair)
+    return ax - drag * pair.slip_u, ay - drag * pair.slip_v
+
+
+# --- Surface tension ------------------------------------------------------------------------
+
+
+class SurfaceTension(NamedTuple):
+    """strength: s / (h m^2 gradient_scale); h [m], inv_h [1/m]; zero: q without a force.
+
+    See `cohesion.calibrated_cohesion` for how s and zero follow from sigma.
+    """
+
+    strength: float
+    h: float
+    inv_h: float
+    zero: float
+
+
+@jitable
+def add_surface_tension(effect, pair, ax, ay):
+    """Pairwise force s q (1 - q)^2 (zero - q), q = r/h: repels below `zero`, attracts above.
+
+    What the outermost particles lack on one side pulls them in. Conserves momentum.
+    Source: Tartakovsky & Panchenko 2016, with a polynomial that has no virial pressure.
+    """
+    if effect is None:
+        return ax, ay
+    rest = maximum(effect.h - pair.r, like(pair.r, 0.0)) * effect.inv_h
+    force = effect.strength * (rest * rest * (effect.zero - pair.r * effect.inv_h))
+    return ax + force * pair.dx, ay + force * pair.dy
 
 
 # --- XSPH -----------------------------------------------------------------------------------
@@ -123,36 +237,101 @@ def add_xsph(effect, pair, sx, sy):
 
 
 @jitable
-def smoothed(effect, u, v, sums):
-    """The velocity that moves a particle: its own, plus the XSPH correction where there is one."""
+def add_smoothing(effect, sums, tx, ty):
+    """tx, ty and the XSPH correction [m/s] of the velocity that moves a particle."""
     if effect is None:
-        return u, v
-    return u + effect.scale * sums.sx, v + effect.scale * sums.sy
+        return tx, ty
+    return tx + effect.scale * sums.sx, ty + effect.scale * sums.sy
 
 
-# --- Gravity --------------------------------------------------------------------------------
+# --- Particle shifting ----------------------------------------------------------------------
 
 
-class UniformGravity(NamedTuple):
-    """Uniform gravity gx, gy [m/s^2], raised from zero over `ramp` seconds (0: all at once)."""
+class Shifting(NamedTuple):
+    """scale: 2 A U h m gradient_scale, U [m/s] a tenth of c0; top: the largest shift [m/s]."""
 
-    gx: float
-    gy: float
-    inv_ramp: float
+    scale: float
+    top: float
 
 
 @jitable
-def add_gravity(effect, time, ax, ay):
-    """g min(time / ramp, 1)."""
+def add_crowding(effect, pair, cx, cy):
+    """- grad C = - sum V_j grad W, the concentration of particles, V = m / rho_mean.
+
+    Source: Lind, Xu, Stansby, Rogers 2012, eq. 21.
+    """
     if effect is None:
-        return ax, ay
-    share = minimum(time * effect.inv_ramp, 1.0) if effect.inv_ramp > 0.0 else 1.0
-    return ax + effect.gx * share, ay + effect.gy * share
+        return cx, cy
+    crowd = pair.gradient * pair.inv_rho
+    return cx + crowd * pair.dx, cy + crowd * pair.dy
+
+
+@jitable
+def add_shift(effect, sums, tx, ty):
+    """tx, ty and the velocity [m/s] with which particles leave where they are crowded.
+
+    For confined flows: at a free surface the gradient points out of the fluid.
+    Source: Skillen, Lind, Stansby, Rogers 2013, eq. 13, with the scene's own speed.
+    """
+    if effect is None:
+        return tx, ty
+    shift_x, shift_y = effect.scale * sums.cx, effect.scale * sums.cy
+    size2 = shift_x * shift_x + shift_y * shift_y
+    share = minimum(effect.top * rsqrt(size2 + like(size2, 1e-30)), like(size2, 1.0))
+    return tx + share * shift_x, ty + share * shift_y
+
+
+# --- Density by continuity ------------------------------------------------------------------
+
+
+class Continuity(NamedTuple):
+    """Density is a part of the state; it grows where particles approach."""
+
+
+class DensityDiffusion(NamedTuple):
+    """strength: 2 delta c0 h, h the support radius [m^2/s]; hydro_x, hydro_y: rho0 g / c^2."""
+
+    strength: float
+    hydro_x: float
+    hydro_y: float
+
+
+@jitable
+def add_growth(effect, pair, growth):
+    """d rho/dt = sum m (v_i - v_j) . grad W, whose pressure force is `add_pressure`.
+
+    Source: Monaghan 1992, eq. 2.18.
+    """
+    if effect is None:
+        return growth
+    return growth - pair.gradient * (pair.du * pair.dx + pair.dv * pair.dy)
+
+
+@jitable
+def add_density_diffusion(effect, pair, growth):
+    """2 delta h c0 sum m / rho_mean (rho_j - rho_i - rho_H) (-dW/dr)/r: smooths the densities.
+
+    rho_H is the difference that a fluid at rest under gravity has between the two places, so that
+    a tank at rest stays what it is. h: smoothing length, half of the support radius.
+    Source: Molteni & Colagrossi 2009; rho_H: Fourtakas, Vacondio, Dominguez, Rogers 2020, eq. 11,
+    linearised.
+    """
+    if effect is None:
+        return growth
+    at_rest = effect.hydro_x * pair.dx + effect.hydro_y * pair.dy
+    gap = pair.density_gap + at_rest
+    return growth + effect.strength * (gap * (pair.gradient * pair.inv_rho))
 
 
 class PairEffects(NamedTuple):
     """The effects that act between two particles; None where the scene doesn't name one."""
 
-    artificial_viscosity: ArtificialViscosity | None
-    laminar_viscosity: LaminarViscosity | None
-    xsph: Xsph | None
+    artificial_viscosity: ArtificialViscosity | None = None
+    quadratic_viscosity: QuadraticViscosity | None = None
+    laminar_viscosity: LaplacianViscosity | MorrisViscosity | None = None
+    tensile_correction: TensileCorrection | None = None
+    surface_tension: SurfaceTension | None = None
+    xsph: Xsph | None = None
+    shifting: Shifting | None = None
+    continuity: Continuity | None = None
+    density_diffusion: DensityDiffusion | None = None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, stepping, teams
+from sph_gym.solver.integrators import INTEGRATORS, TWO_HALVES
 from sph_gym.solver.model import make_model, with_controls
 from sph_gym.solver.neighbors import make_lists, make_sorting
 from sph_gym.solver.scene import Scene
@@ -19,7 +20,7 @@ from sph_gym.solver.state import (
     column,
     empty_like,
 )
-from sph_gym.solver.stepping import FULL, STEPS, World
+from sph_gym.solver.stepping import FRESH, FULL, STAGE, STEPS, UNKNOWN, UNSORTED, World
 from sph_gym.solver.target import n_lanes
 
 # Other threads aren't worth waking for less: particles of each, and particle-steps of one call.
@@ -28,7 +29,7 @@ WORTH_WAKING = 20_000
 # First guess of the length of a neighbour list; it grows where that is too short.
 ENTRIES_PER_GROUP = 70
 
-# What makes a state; all else follows from it.
+# What makes a state, besides what some scenes integrate or keep; all else follows from it.
 STATE = ("x", "y", "u", "v", "id")
 
 
@@ -48,7 +49,10 @@ class Engine:
         self._pace = teams.Pace()
         self._records: dict[str, tuple[Any, Any]] = {}
         self.model = make_model(scene, controls, mass, dtype)
-        fluid = allocate_particles(scene.x, scene.v, dtype)  # type: ignore[arg-type]
+        more = _kept_rates(scene)
+        fluid = allocate_particles(scene.x, scene.v, dtype, more)  # type: ignore[arg-type]
+        fluid.rho[:n] = scene.fluid.rho0
+        self.state_columns = (*STATE, *(("rho",) if scene.effects.continuity else ()), *more)
         walls = _wall_particles(scene, dtype)
         n_walls = 0 if walls is None else walls.id.size
         sorting = make_sorting(n, n_walls, brute, self._most)
@@ -60,16 +64,19 @@ class Engine:
             start=np.zeros(n_cells + 1, np.int32),
             walls=None if walls is None else empty_like(walls),
             wall_source=walls,
+            wall_rest=None if walls is None or not _moving(scene) else _copy(walls),
+            moves=None if walls is None or not _moving(scene) else scene.walls.moves,  # type: ignore[union-attr]
             wall_start=None if walls is None else np.zeros(n_cells + 1, np.int32),
             wall_sums=None if walls is None else column(n_walls, dtype),
             source_sums=None if walls is None else column(n_walls, dtype) - 1,
             sorting=sorting,
             lists=None if brute else make_lists(n, self._most, per_particle),
-            status=np.zeros((self._most, 5), np.int64),
+            status=np.zeros((self._most, 6), np.int64),
             team=teams.make_team(),
             totals=np.zeros(9),
         )
-        self.renew()
+        self._scene = scene
+        self._sort_spare(UNKNOWN)
 
     @property
     def fluid(self) -> Particles:
@@ -88,7 +95,7 @@ class Engine:
 
     def set_controls(self, controls: Controls) -> None:
         """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
-        self.model = with_controls(self.model, controls, self.dtype)
+        self.model = with_controls(self.model, self._scene, controls, self.dtype)
 
     # --- time -------------------------------------------------------------------------------
 
@@ -99,7 +106,7 @@ class Engine:
         that failed, or -1. Lists that are too short grow, and the call goes on. Ctrl-C is
         delivered when a compiled call is over; `interrupted` then leaves a state to go on from.
         """
-        self.call(False, time, dt, n_substeps)
+        self.call(FRESH, time, dt, n_substeps)
         return self.finish(time, dt, n_substeps)
 
     def finish(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
@@ -107,28 +114,32 @@ class Engine:
         while self.full:
             self._earlier, self.world.status[0, STEPS] = self.steps, 0
             self._grow()
-            self.call(True, time + self._earlier * dt, dt, n_substeps - self._earlier)
+            now, rest = time + self._earlier * dt, n_substeps - self._earlier
+            self.call(self.stage, now, dt, rest)
         done, self._earlier = self.steps, 0
         return done, self.bad
 
-    def call(self, stale: bool, time: float, dt: float, n_substeps: int) -> None:
+    def call(self, stale: int, time: float, dt: float, n_substeps: int) -> None:
         """One compiled call, on as many threads as it is worth."""
         with teams.borrow(self._worthwhile(n_substeps)) as n_threads:
-            stale = self.begin(n_threads) or stale
+            stale = self.begin(n_threads, stale)
             arguments = self.world, self.model, stale, time, self.dtype(dt), n_substeps
             began = perf_counter()
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
             work = len(self.fluid.id) * n_substeps
             self._pace.note(n_threads, work, perf_counter() - began)
 
-    def begin(self, n_threads: int) -> bool:
-        """Get ready for a call on so many threads; whether the lists were made for another number.
+    def begin(self, n_threads: int, stale: int = FRESH) -> int:
+        """Get ready for a call on so many threads; what then isn't up to date.
 
         Each thread has its own list, so that other shares want other lists.
         """
-        self.world.status[:, :3] = 0, -1, 0
         before, self._listed_by = self._listed_by, n_threads
-        return n_threads != before
+        self.world.status[:, :3] = 0, -1, 0
+        if n_threads != before and stale == FRESH:
+            self._spare_the_state()
+            return UNSORTED
+        return stale
 
     def _worthwhile(self, n_substeps: int) -> int:
         """Number of threads for so many substeps."""
@@ -153,22 +164,36 @@ class Engine:
         """Whether a list was too short, so that `fluid` is not up to date but `spare` is."""
         return bool(self.world.status[:, FULL].any())
 
-    def renew(self) -> None:
+    @property
+    def stage(self) -> int:
+        """What isn't up to date after a call whose list was too short."""
+        return int(self.world.status[0, STAGE])
+
+    def renew(self, time: float) -> None:
+        """Bring everything up to date with the present state, walls and controls, at a time [s]."""
+        self._spare_the_state()
+        self._sort_spare(UNKNOWN, time)
+
+    def _sort_spare(self, stale: int, time: float = 0.0) -> None:
         """Sort the state in `spare` into cells; densities, pressures, lists and sums follow."""
-        self.call(True, 0.0, 1.0, 0)
+        self.call(stale, time, 1.0, 0)
         while self.full:
             self._grow()
-            self.call(True, 0.0, 1.0, 0)
+            self.call(self.stage, time, 1.0, 0)
 
-    def recover(self) -> None:
+    def _spare_the_state(self) -> None:
+        """A copy of the state in `spare`, in whichever order."""
+        for name in ("id", *self.state_columns):
+            getattr(self.world.spare, name)[:] = getattr(self.world.fluid, name)
+
+    def recover(self, time: float) -> None:
         """After a failed step or an interrupted call: go back to the last whole state."""
         self._earlier = 0
-        if not self.full:
-            for name in STATE:
-                getattr(self.world.spare, name)[:] = getattr(self.world.fluid, name)
-        else:
+        if self.full:
             self._grow()
-        self.renew()
+            self._sort_spare(UNKNOWN, time)
+        else:
+            self.renew(time)
 
     def _grow(self) -> None:
         """Neighbour lists of twice the length."""
@@ -201,9 +226,10 @@ class Engine:
         """(n,) squared distance [m^2] to the nearest other, and how many are within h."""
         n = len(self.fluid.id)
         nearest, count = column(n, self.dtype), column(n, self.dtype)
-        h2 = self.model.kernel.h2
-        lists = self.world.lists
-        diagnostics.nearest_and_count(0, self.fluid, self.walls, lists, h2, nearest, count)
+        h2, constants = self.model.kernel.h2, self.model.constants
+        diagnostics.nearest_and_count(
+            0, self.fluid, self.walls, self.world.lists, constants, h2, nearest, count
+        )
         return nearest[:n].astype(np.float64), count[:n].astype(np.int32)
 
     # --- the state --------------------------------------------------------------------------
@@ -211,13 +237,13 @@ class Engine:
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of the columns that make the state, (n,) each."""
         n = len(self.fluid.id)
-        return {name: getattr(self.fluid, name)[:n].copy() for name in STATE}
+        return {name: getattr(self.fluid, name)[:n].copy() for name in self.state_columns}
 
-    def set_state(self, columns: dict[str, NDArray[Any]]) -> None:
-        """Take back what `state` gave."""
+    def set_state(self, columns: dict[str, NDArray[Any]], time: float) -> None:
+        """Take back what `state` gave at a time [s]."""
         for name, values in columns.items():
             getattr(self.world.spare, name)[: len(values)] = values
-        self.renew()
+        self._sort_spare(UNSORTED, time)
 
 
 def _structure(value: Any) -> Any:
@@ -227,9 +253,33 @@ def _structure(value: Any) -> Any:
     return type(value).__name__
 
 
+def _kept_rates(scene: Scene) -> tuple[str, ...]:
+    """The columns of rates that the scene's integrator goes on from."""
+    if not isinstance(INTEGRATORS[scene.integrator], TWO_HALVES):
+        return ()
+    drifts = scene.effects.xsph or scene.effects.shifting is not None
+    return (
+        "ax",
+        "ay",
+        *(("tx", "ty") if drifts else ()),
+        *(("growth",) if scene.effects.continuity else ()),
+    )
+
+
+def _moving(scene: Scene) -> bool:
+    return scene.walls is not None and scene.walls.motion is not None
+
+
 def _wall_particles(scene: Scene, dtype: Any) -> Particles | None:
     """The scene's boundary particles in public order."""
-    if scene.walls is None or scene.walls.particles is None:
+    walls = scene.walls
+    if walls is None or walls.particles is None:
         return None
-    positions = np.asarray(scene.walls.particles)
-    return allocate_particles(positions, np.zeros_like(positions), dtype)
+    mirrors = walls.pressure == "extrapolated" and walls.slip == "no-slip"
+    more = [*(("ghost_u", "ghost_v") if mirrors else ()), *(("ax", "ay") if walls.motion else ())]
+    return allocate_particles(np.asarray(walls.particles), walls.velocities, dtype, more)
+
+
+def _copy(particles: Particles) -> Particles:
+    columns = particles._asdict().items()
+    return Particles(**{k: None if array is None else array.copy() for k, array in columns})

@@ -55,6 +55,24 @@ def _tait(eos, rho):
     return maximum(eos.stiffness * (q**eos.gamma - like(rho, 1.0)), eos.floor)
 
 
+@dispatch
+def density_at(eos: Any, p: Any) -> Any:
+    """Density [kg/m^3] at which the pressure is p [Pa]; at least half the rest density."""
+
+
+@density_at.member(Tait7)
+def _tait7_density(eos, p):
+    q = maximum(p / like(p, eos.stiffness) + like(p, 1.0), like(p, 1 / 128))
+    return q ** like(p, 1 / 7) / like(p, eos.inv_rho0)
+
+
+@density_at.member(Tait)
+def _tait_density(eos, p):
+    q = p / like(p, eos.stiffness) + like(p, 1.0)
+    q = maximum(q, like(p, 0.5**eos.gamma))
+    return q ** like(p, 1 / eos.gamma) / like(p, eos.inv_rho0)
+
+
 def make_eos(
     stiffness: float, rho0: float, gamma: float, clamp: bool, dtype: type = np.float64
 ) -> Tait7 | Tait:

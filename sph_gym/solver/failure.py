@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from sph_gym.solver.kernels import KERNELS, density_kernel
+from sph_gym.solver.kernels import ALL_KERNELS, density_kernel
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Floats, Particles
+from sph_gym.solver.walls import make_period, nearest_image
 
 # Beyond this multiple of h/c symplectic Euler amplifies the shortest waves.
 LINEAR_COURANT = 0.9
@@ -35,25 +36,32 @@ def broken_link(
         wrong = ~np.isfinite(values[:n])
         if wrong.any():
             return link, int(np.argmax(wrong))
-    if walls is not None and _distances(walls, fluid, bad).min() < INSIDE * scene.dx:
+    if walls is not None and _distances(walls, fluid, bad, scene).min() < INSIDE * scene.dx:
         return "walls", bad
     return "integration", bad
 
 
-def _distances(others: Particles, fluid: Particles, i: int) -> Floats:
-    """(n,) [m] from fluid particle i to all the others."""
-    n = others.id.size
-    return np.hypot(others.x[:n] - np.float64(fluid.x[i]), others.y[:n] - np.float64(fluid.y[i]))
+def _distances(others: Particles, fluid: Particles, i: int, scene: Scene) -> Floats:
+    """(n,) [m] from fluid particle i to all the others, or to their nearest images."""
+    n, walls = others.id.size, scene.walls
+    dx = others.x[:n] - np.float64(fluid.x[i])
+    dy = others.y[:n] - np.float64(fluid.y[i])
+    if walls is not None:
+        dx = nearest_image(make_period(walls.period_x, np.float64), dx)
+        dy = nearest_image(make_period(walls.period_y, np.float64), dy)
+    return np.hypot(dx, dy)
 
 
 def _search_agrees(
     fluid: Particles, walls: Particles | None, bad: int, scene: Scene, mass: float
 ) -> bool:
-    """Whether the density that the search gave is that of brute force."""
-    kernel = KERNELS[scene.fluid.kernel](scene.h)
+    """Whether the density that the search gave is that of brute force, if it was a sum at all."""
+    if scene.effects.continuity:
+        return True
+    kernel = ALL_KERNELS[scene.fluid.kernel](scene.h)
     everybody = [fluid] if walls is None else [fluid, walls]
     brute = mass * sum(
-        density_kernel(kernel, _distances(some, fluid, bad)).sum() for some in everybody
+        density_kernel(kernel, _distances(some, fluid, bad, scene)).sum() for some in everybody
     )
     found = fluid.rho[bad]
     return not np.isfinite(found) or bool(np.isclose(brute, found, rtol=1e-3))

@@ -3,7 +3,8 @@
 A term that is written with + - * / < and the functions below runs unchanged on one particle and
 on as many as the processor's vectors hold. Each function is given twice: as plain Python, which
 is what it means (and what runs with NUMBA_DISABLE_JIT=1), and as the LLVM instructions that numba
-puts in its place, which are the same for a plain float and for a vector of lanes.
+puts in its place, which are the same for a plain float and for a vector of lanes. In plain Python
+arithmetic may also be done on arrays of numbers at once.
 
 `load` makes lanes of consecutive array elements and `broadcast` repeats one element in all lanes;
 `like` does that with a literal. A comparison gives a mask, for `select`, `store` and `append`.
@@ -260,7 +261,7 @@ def _and(code: Code, a: Any, b: Any) -> Any:
 
 def like(x: Any, value: float) -> Any:
     """`value` in the type of `x`, so that a literal doesn't widen a float32 sum."""
-    return type(x)(value)
+    return x.dtype.type(value) if isinstance(x, np.ndarray) else type(x)(value)
 
 
 @_emits(
@@ -285,7 +286,7 @@ def _smooth(*kinds: types.Type) -> Any:
 
 def minimum(a: Any, b: Any) -> Any:
     """The smaller of the two; `b` where either is not a number."""
-    return a if a < b else b
+    return select(a < b, a, b)
 
 
 @_emits(minimum, _smooth)
@@ -295,7 +296,7 @@ def _minimum(code: Code, a: Any, b: Any) -> Any:
 
 def maximum(a: Any, b: Any) -> Any:
     """The larger of the two; `b` where either is not a number."""
-    return a if a > b else b
+    return select(a > b, a, b)
 
 
 @_emits(maximum, _smooth)
@@ -305,6 +306,8 @@ def _maximum(code: Code, a: Any, b: Any) -> Any:
 
 def select(condition: Any, a: Any, b: Any) -> Any:
     """`a` where the condition holds, else `b`."""
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, a, b)
     return a if condition else b
 
 

@@ -4,28 +4,41 @@ from typing import Any
 
 import numpy as np
 
+from sph_gym.solver.cohesion import calibrated_cohesion
+from sph_gym.solver.density import Constants, Extrapolation
 from sph_gym.solver.effects import (
     ArtificialViscosity,
-    LaminarViscosity,
+    Continuity,
+    DensityDiffusion,
+    LaplacianViscosity,
+    MorrisViscosity,
     PairEffects,
-    UniformGravity,
+    QuadraticViscosity,
+    Shifting,
+    SurfaceTension,
+    TensileCorrection,
     Xsph,
 )
 from sph_gym.solver.equation_of_state import make_eos
-from sph_gym.solver.forces import Constants
-from sph_gym.solver.kernels import KERNELS, calibrated_mass
-from sph_gym.solver.scene import Gravity, Scene
+from sph_gym.solver.integrators import INTEGRATORS, TWO_HALVES
+from sph_gym.solver.kernels import ALL_KERNELS, calibrated_mass, weight
+from sph_gym.solver.neighbors import WIDEST_GROUP
+from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
 from sph_gym.solver.stepping import Model
-from sph_gym.solver.walls import Box
+from sph_gym.solver.walls import make_box, make_period, make_plates
 
 # Of h^2, for the lists: whoever is within h must be on them, however distances were rounded.
 ROUNDING = 1.0001
+# Of W(0): a boundary particle with less fluid around it is dry.
+DRY = 1e-6
+# The speed that c0 is meant for, and the share of it that particles are shifted with at most.
+MACH, TOP_SHIFT = 0.1, 0.5
 
 
 def particle_mass(scene: Scene) -> float:
     """Mass of every particle [kg/m], calibrated on the rest lattice in double precision."""
-    return calibrated_mass(KERNELS[scene.fluid.kernel](scene.h), scene.fluid.rho0, scene.dx)
+    return calibrated_mass(ALL_KERNELS[scene.fluid.kernel](scene.h), scene.fluid.rho0, scene.dx)
 
 
 def make_model(scene: Scene, controls: Controls, mass: float, number: Any) -> Model:
@@ -34,64 +47,134 @@ def make_model(scene: Scene, controls: Controls, mass: float, number: Any) -> Mo
     Absurd but legal numbers may become infinite in float32; the tripwire tells of what follows.
     """
     with np.errstate(over="ignore"):
-        kernel, fluid = KERNELS[scene.fluid.kernel](scene.h), scene.fluid
-        constants = Constants(
-            number(scene.h),
-            number(ROUNDING * scene.h**2),
-            number(0.01 * scene.h**2),
-            number(mass * kernel.weight_scale),
-            number(mass * kernel.gradient_scale),
-        )
-        artificial, laminar = _viscosities(scene, kernel, number)
-        xsph = Xsph(number(0.0)) if scene.effects.xsph else None
+        kernel, fluid = ALL_KERNELS[scene.fluid.kernel](scene.h, number), scene.fluid
+        integrator = INTEGRATORS[scene.integrator]
+        effects = _pair_effects(scene, mass, number)
         model = Model(
-            KERNELS[fluid.kernel](scene.h, number),
+            kernel,
             make_eos(controls.stiffness, fluid.rho0, fluid.exponent, fluid.clamp, number),
-            constants,
-            PairEffects(artificial, laminar, xsph),
-            # walls take part like fluid, but hold no velocity that would smooth the advection
-            PairEffects(artificial, laminar, None),
-            _gravity(scene),
-            _box(scene, number),
-        )
-        return with_controls(model, controls, number)
+            _constants(scene, mass, number),
+            effects,
+            _wall_effects(scene, effects),
+            None if scene.effects.field is None else scene.effects.field.compiled(),
+            make_box(scene.walls, number),
+            make_plates(scene.walls, scene.dx, number),
+            _extrapolation(scene, kernel),
+            None if scene.walls is None or scene.walls.motion is None
+            else scene.walls.motion.stroke(),
+            integrator,
+            integrator if isinstance(integrator, TWO_HALVES) else None,
+        )  # fmt: skip
+        return with_controls(model, scene, controls, number)
 
 
-def with_controls(model: Model, controls: Controls, number: Any) -> Model:
+def with_controls(model: Model, scene: Scene, controls: Controls, number: Any) -> Model:
     """The same model with another stiffness and XSPH epsilon."""
     with np.errstate(over="ignore"):
         model = model._replace(eos=model.eos._replace(stiffness=number(controls.stiffness)))
-        if model.effects.xsph is None:
-            return model
-        # as a Python float, in which 1/h^8 fits
-        scale = 2 * controls.xsph * float(model.constants.density_scale)
-        return model._replace(effects=model.effects._replace(xsph=Xsph(number(scale))))
+        effects = model.effects
+        if effects.xsph is not None:
+            # as a Python float, in which 1/h^8 fits
+            scale = 2 * controls.xsph * float(model.constants.density_scale)
+            effects = effects._replace(xsph=Xsph(number(scale)))
+        if effects.density_diffusion is not None:
+            diffusion = _density_diffusion(scene, controls.stiffness, number)
+            effects = effects._replace(density_diffusion=diffusion)
+        return model._replace(effects=effects)
 
 
-def _viscosities(
-    scene: Scene, kernel: Any, number: Any
-) -> tuple[ArtificialViscosity | None, LaminarViscosity | None]:
-    """Those that the scene names; None for the others."""
-    named = scene.effects
-    artificial = laminar = None
+def _constants(scene: Scene, mass: float, number: Any) -> Constants:
+    kernel, walls = ALL_KERNELS[scene.fluid.kernel](scene.h), scene.walls
+    periods = (None, None) if walls is None else (walls.period_x, walls.period_y)
+    # so that nobody is within h of a group and of its image
+    rooms = [0.9 * (ends[1] - ends[0] - 2 * scene.h) for ends in periods if ends is not None]
+    return Constants(
+        number(scene.h),
+        number(ROUNDING * scene.h**2),
+        number(0.01 * scene.h**2),
+        number(mass * kernel.weight_scale),
+        number(mass * kernel.gradient_scale),
+        number(min([WIDEST_GROUP * scene.h, *rooms])),
+        *(make_period(ends, number) for ends in periods),
+    )
+
+
+def _extrapolation(scene: Scene, kernel: Any) -> Extrapolation | None:
+    walls = scene.walls
+    if walls is None or walls.particles is None or walls.pressure == "like fluid":
+        return None
+    zero = type(kernel.h)(0.0)
+    return Extrapolation(float(DRY * weight(kernel, zero, zero)))
+
+
+def _pair_effects(scene: Scene, mass: float, number: Any) -> PairEffects:
+    """Those that the scene names, between fluid particles; None for the others."""
+    named, h, c0 = scene.effects, scene.h, scene.fluid.c0
+    kernel = ALL_KERNELS[scene.fluid.kernel](h)
+    force_scale = mass * kernel.gradient_scale
+    effects = PairEffects(
+        xsph=Xsph(number(0.0)) if named.xsph else None,
+        continuity=Continuity() if named.continuity else None,
+    )
     if named.artificial_viscosity is not None:
-        strength = 2 * named.artificial_viscosity * scene.fluid.c0 * scene.h
-        artificial = ArtificialViscosity(number(strength))
+        strength = ArtificialViscosity(number(2 * named.artificial_viscosity * c0 * h))
+        effects = effects._replace(artificial_viscosity=strength)
+    if named.quadratic_viscosity is not None:
+        quadratic = QuadraticViscosity(number(2 * named.quadratic_viscosity * h**2))
+        effects = effects._replace(quadratic_viscosity=quadratic)
     if named.laminar_viscosity is not None:
-        ratio = kernel.viscosity_scale / kernel.gradient_scale
-        laminar = LaminarViscosity(number(2 * named.laminar_viscosity * ratio))
-    return artificial, laminar
+        laminar = _laminar(named.laminar_viscosity, named.viscosity_form, kernel, number)
+        effects = effects._replace(laminar_viscosity=laminar)
+    if named.tensile_correction is not None:
+        at_dx = float(weight(kernel, scene.dx**2, scene.dx))
+        # h = dx: nobody at rest is within the support, and nothing is near enough to correct
+        inv_weight = 1 / at_dx if h > scene.dx else 0.0
+        tensile = TensileCorrection(number(named.tensile_correction), number(inv_weight))
+        effects = effects._replace(tensile_correction=tensile)
+    if named.surface_tension is not None:
+        s, zero = calibrated_cohesion(named.surface_tension, h, scene.dx)
+        strength = number(s / (h * mass * force_scale))
+        cohesion = SurfaceTension(strength, number(h), number(1 / h), number(zero))
+        effects = effects._replace(surface_tension=cohesion)
+    if named.density_diffusion is not None:
+        stiffness = scene.fluid.stiffness(c0)
+        effects = effects._replace(density_diffusion=_density_diffusion(scene, stiffness, number))
+    if named.shifting is not None:
+        speed = MACH * c0
+        shifting = Shifting(
+            number(2 * named.shifting * speed * h * force_scale), number(TOP_SHIFT * speed)
+        )
+        effects = effects._replace(shifting=shifting)
+    return effects
 
 
-def _gravity(scene: Scene) -> UniformGravity | None:
-    gravity = scene.effects.gravity
-    if not isinstance(gravity, Gravity):
-        return None
-    inv_ramp = 1 / gravity.ramp if gravity.ramp > 0 else 0.0
-    return UniformGravity(float(gravity.x), float(gravity.y), inv_ramp)
+def _laminar(nu: float, form: str, kernel: Any, number: Any) -> Any:
+    if form == "morris":
+        return MorrisViscosity(number(4 * nu))
+    return LaplacianViscosity(number(2 * nu * kernel.viscosity_scale / kernel.gradient_scale))
 
 
-def _box(scene: Scene, number: Any) -> Box | None:
-    if scene.walls is None or scene.walls.box is None:
-        return None
-    return Box(*(number(side) for side in (*scene.walls.box, scene.walls.restitution)))
+def _density_diffusion(scene: Scene, stiffness: float, number: Any) -> DensityDiffusion:
+    """With the hydrostatic gradient of a uniform gravity at the present stiffness."""
+    delta, field = scene.effects.density_diffusion, scene.effects.field
+    c = scene.fluid.sound_speed(stiffness)
+    slope = scene.fluid.rho0 / c**2 * (np.zeros(2) if field is None else field.at(np.inf))
+    return DensityDiffusion(
+        number(2 * delta * scene.fluid.c0 * scene.h),  # type: ignore[operator]
+        number(slope[0]),
+        number(slope[1]),
+    )
+
+
+def _wall_effects(scene: Scene, effects: PairEffects) -> PairEffects:
+    """Those between a fluid and a boundary particle.
+
+    Walls hold no velocity that would smooth the advection, no density that could diffuse, and
+    don't attract the fluid; those with free slip don't rub either.
+    """
+    effects = effects._replace(xsph=None, density_diffusion=None, surface_tension=None)
+    if scene.walls is not None and scene.walls.slip == "free-slip":
+        effects = effects._replace(
+            artificial_viscosity=None, quadratic_viscosity=None, laminar_viscosity=None
+        )
+    return effects

@@ -36,8 +36,10 @@ from sph_gym.solver.teams import meet, share
 SLACK = 1.001
 COLUMNS_PER_SUPPORT = 4
 CELLS_PER_PARTICLE = 8
-# A group that is wider than this many support radii, across a gap or a corner, is cut in two.
+# A group that is wider than this many support radii, across a gap or a corner, is cut in two; in a
+# periodic domain so that no particle is near it and its image, of which the ends are not trusted.
 WIDEST_GROUP = 4.0
+NARROWEST_DOMAIN = 4.0
 # Sigma clipping of the grid: strays beyond so many standard deviations are left out.
 STRAY = 3.0
 
@@ -162,11 +164,30 @@ def row_range(grid, start, row):
 
 
 @jitable
-def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start):
-    """Copy positions, velocities and ids from `source` to `target` in the order of their cells.
+def move(source, target, i, k):
+    """target[k] = source[i], for columns that there may be."""
+    if source is None:
+        return
+    target[k] = source[i]
+
+
+@jitable
+def move_if(wanted, source, target, i, k):
+    """The same, unless `wanted` is None."""
+    if wanted is None:
+        return
+    target[k] = source[i]
+
+
+@jitable
+def sort_into_cells(
+    rank, n_threads, team, grid, source, target, sorting, start, continuity
+):
+    """Copy the state from `source` to `target` in the order of their cells.
 
     A stable counting sort, each thread moving its share. Afterwards cell c holds
-    target[start[c]:start[c + 1]]. Returns False if the team was told to stop.
+    target[start[c]:start[c + 1]]. Densities are moved where `continuity` makes them a part of the
+    state. Returns False if the team was told to stop.
     """
     n_cells = count_cells(grid)
     counts, cells = sorting.counts, sorting.cells
@@ -190,6 +211,12 @@ def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start)
         target.u[k] = source.u[i]
         target.v[k] = source.v[i]
         target.id[k] = source.id[i]
+        move_if(continuity, source.rho, target.rho, i, k)
+        move(source.ax, target.ax, i, k)
+        move(source.ay, target.ay, i, k)
+        move(source.tx, target.tx, i, k)
+        move(source.ty, target.ty, i, k)
+        move(source.growth, target.growth, i, k)
     return meet(team, n_threads)
 
 
@@ -418,6 +445,57 @@ def collect(window, start, n_columns, sources, h2, lists, k, room):
             dy = maximum(maximum(box.y_low - y, y - box.y_high), zero)
             near = dx * dx + dy * dy < h2
             k = append(lists.entries, k, j, near & first_lanes(x, high - j))
+    return k
+
+
+@jitable
+def _first_image(period):
+    if period is None:
+        return 0
+    return -1
+
+
+@jitable
+def _shift(period, k):
+    if period is None:
+        return 0.0
+    return k * float(period.length)
+
+
+@jitable
+def _is_far(period, low, high, h):
+    """Whether nobody in a periodic domain can be within h of [low, high]."""
+    if period is None:
+        return False
+    # twice, since particles may be a bit outside in the middle of a step
+    return high < period.low - 2.0 * h or low > period.high + 2.0 * h
+
+
+@jitable
+def collect_images(constants, box, grid, start, sources, lists, k, room):
+    """`collect` for the rectangle and, in a periodic domain, its images.
+
+    Groups are so narrow that nobody is within h of two of them.
+    """
+    if sources is None:
+        return k
+    period_x, period_y, reach2 = constants.period_x, constants.period_y, constants.reach2
+    h = float(constants.h)
+    first_x, first_y = _first_image(period_x), _first_image(period_y)
+    for a in range(first_x, 1 - first_x):
+        shift_x = like(box.x_low, _shift(period_x, a))
+        x_low, x_high = box.x_low + shift_x, box.x_high + shift_x
+        if _is_far(period_x, x_low, x_high, h):
+            continue
+        for b in range(first_y, 1 - first_y):
+            shift_y = like(box.y_low, _shift(period_y, b))
+            y_low, y_high = box.y_low + shift_y, box.y_high + shift_y
+            if _is_far(period_y, y_low, y_high, h):
+                continue
+            window = make_window(grid, Rectangle(x_low, x_high, y_low, y_high))
+            k = collect(window, start, grid.n_columns, sources, reach2, lists, k, room)
+            if k > room:
+                return k
     return k
 
 

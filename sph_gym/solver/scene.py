@@ -7,13 +7,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sph_gym.solver.checks import finite_array, in_range, known, number, positive
-from sph_gym.solver.kernels import KERNELS
+from sph_gym.solver.gravity import AnyGravity, Gravity
+from sph_gym.solver.integrators import INTEGRATORS
+from sph_gym.solver.kernels import ALL_KERNELS
+from sph_gym.solver.neighbors import NARROWEST_DOMAIN
 from sph_gym.solver.state import Controls
 from sph_gym.solver.walls import Walls
 
 # Of h / dx: beyond it a particle has more than 30,000 neighbours, and a unit is surely wrong.
 WIDEST = 100
 EQUATIONS_OF_STATE = ("tait", "linear")
+VISCOSITY_FORMS = ("laplacian", "morris")
+STRENGTHS = (
+    "artificial_viscosity",
+    "laminar_viscosity",
+    "surface_tension",
+    "quadratic_viscosity",
+    "tensile_correction",
+    "density_diffusion",
+    "shifting",
+)
 
 
 @dataclass(frozen=True)
@@ -21,8 +34,10 @@ class Fluid:
     """A weakly compressible fluid.
 
     c0: nominal artificial sound speed [m/s], about ten times the largest speed (`sound_speed`).
-    rho0: rest density [kg/m^3]. gamma: Tait's exponent. kernel: "mueller" (the article's) or
-    "wendland_c2" (a matched pair). eos: "tait", or "linear", which is Tait with gamma = 1.
+    rho0: rest density [kg/m^3]. gamma: Tait's exponent. kernel: density kernel and pressure
+    gradient as one choice, "mueller" (the article's) or a matched pair: "wendland_c2", "spiky",
+    "cubic_spline", "quintic_spline"; those that begin with "wrong" are what their name says (see
+    kernels.py). eos: "tait", or "linear", which is Tait with gamma = 1.
     clamp: whether negative pressures are cut off, as free surfaces want it.
 
     Raises ValueError for values that aren't positive and finite, gamma < 1 and unknown names.
@@ -41,7 +56,7 @@ class Fluid:
         object.__setattr__(self, "gamma", in_range("fluid.gamma", self.gamma, 1.0))
         if not isinstance(self.clamp, bool):
             raise ValueError(f"fluid.clamp: expected True or False, got {self.clamp!r}")
-        known("fluid.kernel", self.kernel, KERNELS)
+        known("fluid.kernel", self.kernel, ALL_KERNELS)
         known("fluid.eos", self.eos, EQUATIONS_OF_STATE)
 
     @property
@@ -59,42 +74,37 @@ class Fluid:
 
 
 @dataclass(frozen=True)
-class Gravity:
-    """Uniform gravity x, y [m/s^2], raised linearly from zero over the first `ramp` seconds."""
-
-    x: float
-    y: float
-    ramp: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "x", number("gravity[0]", self.x))
-        object.__setattr__(self, "y", number("gravity[1]", self.y))
-        object.__setattr__(self, "ramp", in_range("gravity.ramp", self.ramp, 0.0))
-
-    def at(self, time: float) -> NDArray[np.float64]:
-        """The vector [m/s^2] at a time [s]."""
-        share = min(time / self.ramp, 1.0) if self.ramp > 0 else 1.0
-        return np.array([self.x * share, self.y * share])
-
-
-@dataclass(frozen=True)
 class Effects:
     """What acts on the fluid besides pressure; whatever is left out costs nothing.
 
-    gravity: (gx, gy) [m/s^2] or a `Gravity`. xsph: whether the advection velocity is smoothed;
-    how strongly is a control. artificial_viscosity: alpha, which multiplies the nominal sound
-    speed and the support radius. laminar_viscosity: kinematic viscosity nu [m^2/s].
+    gravity: (gx, gy) [m/s^2], or one of the kinds in gravity.py.
+    xsph: whether the advection velocity is smoothed; how strongly is a control.
+    artificial_viscosity: alpha, which multiplies the nominal sound speed and the support radius.
+    quadratic_viscosity: beta, of fast approaches. laminar_viscosity: kinematic viscosity nu
+    [m^2/s]; viscosity_form: "laplacian" (of the kernel) or "morris".
+    surface_tension: sigma [N/m]. tensile_correction: epsilon, about 0.2.
+    continuity: density is integrated in time and not summed anew; density_diffusion: delta of
+    delta-SPH, about 0.1, for densities by continuity.
+    shifting: A, about 2, times h and a tenth of c0: particles leave where they are crowded.
 
-    Raises ValueError for values that aren't finite, and for negative viscosities.
+    Raises ValueError for values that aren't finite, for negative ones, and for a density
+    diffusion without continuity.
     """
 
-    gravity: Gravity | tuple[float, float] | None = None
+    gravity: AnyGravity | tuple[float, float] | None = None
     xsph: bool = False
     artificial_viscosity: float | None = None
     laminar_viscosity: float | None = None
+    surface_tension: float | None = None
+    quadratic_viscosity: float | None = None
+    viscosity_form: str = "laplacian"
+    tensile_correction: float | None = None
+    continuity: bool = False
+    density_diffusion: float | None = None
+    shifting: float | None = None
 
     def __post_init__(self) -> None:
-        if self.gravity is not None and not isinstance(self.gravity, Gravity):
+        if self.gravity is not None and not isinstance(self.gravity, AnyGravity):
             vector = finite_array("effects.gravity", self.gravity, (2,))
             object.__setattr__(self, "gravity", Gravity(float(vector[0]), float(vector[1])))
         if not isinstance(self.xsph, bool):
@@ -102,14 +112,27 @@ class Effects:
                 "effects.xsph: expected True or False (its strength is Controls.xsph), "
                 f"got {self.xsph!r}"
             )
-        for name in ("artificial_viscosity", "laminar_viscosity"):
+        if not isinstance(self.continuity, bool):
+            raise ValueError(f"effects.continuity: expected True or False, got {self.continuity!r}")
+        known("effects.viscosity_form", self.viscosity_form, VISCOSITY_FORMS)
+        for name in STRENGTHS:
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, in_range(f"effects.{name}", value, 0.0))
+        if self.density_diffusion is not None and not self.continuity:
+            raise ValueError(
+                "effects.density_diffusion: expected continuity=True with it, since a density "
+                f"that is summed needs none, got {self.density_diffusion:g}"
+            )
+
+    @property
+    def field(self) -> AnyGravity | None:
+        """The gravity as one of the kinds in gravity.py."""
+        return None if isinstance(self.gravity, tuple) else self.gravity
 
     def gravity_at(self, time: float) -> NDArray[np.float64]:
-        """The vector of gravity [m/s^2] at a time [s]; zero where there is none."""
-        return self.gravity.at(time) if isinstance(self.gravity, Gravity) else np.zeros(2)
+        """The uniform part of gravity [m/s^2] at a time [s]; zero where there is none."""
+        return np.zeros(2) if self.field is None else self.field.at(time)
 
 
 def check_controls(controls: Controls) -> Controls:
@@ -132,6 +155,7 @@ class Scene:
     x, v: (n, 2) positions [m] and velocities [m/s] (at rest if left out); dx: particle spacing
     [m]; h: SUPPORT radius [m], at least dx; walls: None is open space; duration: of the whole
     run [s]; frame: physical time [s] between two looks at it, and of one environment step;
+    integrator: "symplectic_euler", "kick_drift_kick" or "predictor_corrector";
     controls: nominal controls, by default stiffness rho0 c0^2 / gamma, dt the stable step at the
     start, xsph 0.3.
 
@@ -150,8 +174,10 @@ class Scene:
     duration: float = 1.0
     frame: float = 0.01
     controls: Controls | None = None
+    integrator: str = "symplectic_euler"
 
     def __post_init__(self) -> None:
+        known("integrator", self.integrator, INTEGRATORS)
         if not isinstance(self.name, str) or not self.name:
             raise ValueError(f"name: expected a non-empty string, got {self.name!r}")
         x = finite_array("x", self.x, ("n", 2))
@@ -185,6 +211,34 @@ class Scene:
             raise ValueError(f"walls: expected Walls(...) or None, got {self.walls!r}")
         if self.controls is not None:
             object.__setattr__(self, "controls", check_controls(self.controls))
+        self._check_walls()
+
+    def _check_walls(self) -> None:
+        """What walls, fluid and effects ask of each other."""
+        walls = self.walls
+        if walls is None:
+            return
+        like_fluid = walls.particles is not None and walls.pressure == "like fluid"
+        if self.effects.continuity and like_fluid:
+            raise ValueError(
+                "walls.pressure: expected 'extrapolated' with effects.continuity, since boundary "
+                "particles that are like fluid sum their densities, got 'like fluid'"
+            )
+        for name, axis in (("period_x", 0), ("period_y", 1)):
+            ends = getattr(walls, name)
+            if ends is None:
+                continue
+            if ends[1] - ends[0] < NARROWEST_DOMAIN * self.h:
+                raise ValueError(
+                    f"walls.{name}: expected at least {NARROWEST_DOMAIN:g} h = "
+                    f"{NARROWEST_DOMAIN * self.h:g} m, got {ends[1] - ends[0]:g}"
+                )
+            place = np.asarray(self.x)[:, axis]
+            if place.min() < ends[0] or place.max() >= ends[1]:
+                raise ValueError(
+                    f"x: expected positions in walls.{name} = [{ends[0]:g}, {ends[1]:g}), got "
+                    f"{place.min():g} to {place.max():g}"
+                )
 
 
 def sound_speed(v_max: float) -> float:

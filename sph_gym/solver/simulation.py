@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, failure, stepping, teams
 from sph_gym.solver.checks import known, positive, whole
-from sph_gym.solver.engine import STATE, Engine
+from sph_gym.solver.engine import Engine
 from sph_gym.solver.model import particle_mass
-from sph_gym.solver.scene import Gravity, Scene, check_controls
+from sph_gym.solver.gravity import CentralGravity, Gravity
+from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.state import Controls
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
@@ -82,6 +83,7 @@ class Simulation:
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
         self._ledger = diagnostics.Ledger(self._totals, *self._energy_scales())
+        self._power = self._gravity_power()
         self._nominal_dt()
 
     def _default_threads(self) -> int:
@@ -114,7 +116,7 @@ class Simulation:
         self.engine.set_controls(self._controls)
         if self._controls.stiffness != before.stiffness:
             # densities stay, pressures and the stored energy follow the stiffness
-            self.engine.renew()
+            self.engine.renew(self.time)
             self._acceleration = None
             held, self._totals = self._totals, self._sum()
             self._ledger.add_control(self._totals.internal - held.internal)
@@ -181,24 +183,47 @@ class Simulation:
     def _audit(self, report: Report, began: float) -> Report:
         """Book the energy of this leg; more of it than there can be is a blow-up."""
         before, self._totals = self._totals, self._sum()
-        effects = self.scene.effects
-        if isinstance(effects.gravity, Gravity):
-            mean = (effects.gravity_at(began) + effects.gravity_at(self.time)) / 2
-            moved = np.subtract(self._totals[2:4], before[2:4])
-            self._ledger.add_gravity(self.mass * self.n_fluid * float(mean @ moved))
+        if self.scene.effects.field is not None:
+            self._ledger.add_gravity(self._gravity_work(before, began))
         excess = self._ledger.excess(self._totals)
         if math.isfinite(excess) and excess <= self._ledger.TOLERANCE:
             return report
         fluid = self.engine.fluid
         return self._failed(report, int(np.argmax(fluid.u**2 + fluid.v**2)))
 
+    def _gravity_work(self, before: diagnostics.Totals, began: float) -> float:
+        """Work of gravity [J/m] since `began` [s]: exact where it is uniform, else trapezoidal."""
+        field, fluid_mass = self.scene.effects.field, self.mass * self.n_fluid
+        assert field is not None
+        periodic = self.scene.walls is not None and self.scene.walls.is_periodic
+        if isinstance(field, Gravity) and not periodic:
+            mean = (field.at(began) + field.at(self.time)) / 2
+            return fluid_mass * float(mean @ np.subtract(self._totals[2:4], before[2:4]))
+        power, self._power = self._power, self._gravity_power()
+        return (self.time - began) * (power + self._power) / 2
+
+    def _gravity_power(self) -> float:
+        """Power of gravity [W/m] on the present state."""
+        field, n = self.scene.effects.field, self.n_fluid
+        if field is None:
+            return 0.0
+        x, v = self.x[:n].astype(np.float64), self.v[:n].astype(np.float64)
+        return self.mass * float((field.on(self.time, x, v) * v).sum())
+
     def _energy_scales(self) -> tuple[float, float]:
-        """Weight times size of the fluid, and an energy that is nothing: rest at 1e-4 c0."""
-        fluid_mass = self.mass * self.n_fluid
-        gravity = self.scene.effects.gravity
-        size = float(np.ptp(self.scene.x, axis=0).sum()) + self.scene.dx
-        g = math.hypot(gravity.x, gravity.y) if isinstance(gravity, Gravity) else 0.0
-        return fluid_mass * g * size, fluid_mass * (1e-4 * self.scene.fluid.c0) ** 2
+        """Energies that are at stake and that are nothing: rest at 1e-4 c0.
+
+        At stake are the weight times the size of the fluid, its motion with the speed of the
+        walls, and the surface that it may lose.
+        """
+        scene, fluid_mass = self.scene, self.mass * self.n_fluid
+        size = float(np.ptp(np.asarray(scene.x), axis=0).sum()) + scene.dx
+        reach = float(np.abs(np.asarray(scene.x)).max()) + size
+        weight = 0.0 if scene.effects.field is None else scene.effects.field.strongest(reach)
+        top_speed = 0.0 if scene.walls is None else scene.walls.top_speed
+        surface = 4 * size * (scene.effects.surface_tension or 0.0)
+        at_stake = fluid_mass * (weight * size + top_speed**2) + surface
+        return at_stake, fluid_mass * (1e-4 * scene.fluid.c0) ** 2
 
     # --- failure ----------------------------------------------------------------------------
 
@@ -206,7 +231,7 @@ class Simulation:
         """Which particle, which link, and why; `bad` is a place in the arrays."""
         engine = self.engine
         index = engine.fluid.id[bad]
-        engine.recover()
+        engine.recover(self.time)
         self._totals = self._sum()
         bad = int(np.flatnonzero(engine.fluid.id == index)[0])
         link, place = failure.broken_link(
@@ -270,8 +295,10 @@ class Simulation:
 
     @property
     def v(self) -> Array:
-        """(n, 2) velocities [m/s], not smoothed."""
-        return self._columns(self.engine.fluid.u, self.engine.fluid.v)
+        """(n, 2) velocities [m/s], not smoothed; of the walls as they move or slide."""
+        fluid, walls = self.engine.fluid, self.engine.walls
+        of_walls = () if walls is None else (walls.u, walls.v)
+        return self._columns(fluid.u, fluid.v, *of_walls)
 
     @property
     def rho(self) -> Array:
@@ -315,7 +342,6 @@ class Simulation:
         totals, scene = self._totals, self.scene
         nearest, counts = self.engine.nearest_and_count()
         spacing = np.sqrt(nearest) / scene.dx
-        g = scene.effects.gravity_at(self.time)
         excess = np.maximum(self.engine.fluid.rho[: self.n_fluid] / scene.fluid.rho0 - 1.0, 0.0)
         return {
             "time": self.time,
@@ -326,7 +352,7 @@ class Simulation:
             "median_spacing": float(np.median(spacing)),
             "mean_neighbors": float(counts.mean()),
             "kinetic_energy": totals.kinetic,
-            "potential_energy": -self.mass * self.n_fluid * float(g @ totals[2:4]),
+            "potential_energy": self._potential_energy(),
             "internal_energy": totals.internal,
             "energy_excess": self._ledger.excess(totals),
             "com_x": totals.com_x,
@@ -340,6 +366,15 @@ class Simulation:
             "courant": self._controls.dt * self.sound_speed / scene.h,
         }
 
+    def _potential_energy(self) -> float:
+        """[J/m] in the uniform part of gravity, or in a central field."""
+        field, n = self.scene.effects.field, self.n_fluid
+        if isinstance(field, CentralGravity):
+            r2 = ((self.x[:n].astype(np.float64) - (field.x, field.y)) ** 2).sum()
+            return 0.5 * self.mass * field.omega**2 * float(r2)
+        g = self.scene.effects.gravity_at(self.time)
+        return -self.mass * n * float(g @ self._totals[2:4])
+
     # --- snapshots --------------------------------------------------------------------------
 
     def snapshot(self) -> dict[str, Any]:
@@ -349,6 +384,7 @@ class Simulation:
             "time": self.time,
             "controls": tuple(self._controls),
             "ledger": self._ledger.state(),
+            "power": self._power,
             "totals": tuple(self._totals),
         }
 
@@ -358,7 +394,9 @@ class Simulation:
         Raises ValueError if it is of another size, precision or form.
         """
         try:
-            fluid = {name: np.asarray(snapshot["fluid"][name]) for name in STATE}
+            columns = self.engine.state_columns
+            fluid = {name: np.asarray(snapshot["fluid"][name]) for name in columns}
+            power = float(snapshot["power"])
             time, controls = float(snapshot["time"]), check_controls(snapshot["controls"])
             numbers, totals = snapshot["ledger"], diagnostics.Totals(*snapshot["totals"])
             if len(numbers) != len(self._ledger.state()):
@@ -376,10 +414,10 @@ class Simulation:
                 raise ValueError(f"snapshot: expected finite numbers in {name}")
         if not np.array_equal(np.sort(fluid["id"]), np.arange(self.n_fluid)):
             raise ValueError("snapshot: expected every particle's id once")
-        self.time, self._controls, self._totals = time, controls, totals
+        self.time, self._controls, self._totals, self._power = time, controls, totals, power
         self._ledger.set_state(numbers)
         self.engine.set_controls(controls)
-        self.engine.set_state(fluid)
+        self.engine.set_state(fluid, time)
         self._acceleration = None
 
 
@@ -405,7 +443,7 @@ class Journey:
     def interrupt(self) -> None:
         """Enter what an interrupted leg did, and leave a state to go on from."""
         steps = self.sim.engine.steps
-        self.sim.engine.recover()
+        self.sim.engine.recover(self._time(self._done + steps))
         self.book(steps, -1)
 
     def book(self, steps: int, bad: int) -> None:

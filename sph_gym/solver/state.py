@@ -1,5 +1,6 @@
 """What the solver holds: particles as a struct of arrays, the neighbour search, the controls."""
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,10 @@ class Particles(NamedTuple):
     x, y: [m]; u, v: velocity [m/s]; rho: [kg/m^3]; stress: p / rho^2 [m^5/(kg s^2)], the form in
     which the symmetric pressure force wants it; id: (n,) int32. All but `id` are columns (see
     `column`): only their first n entries count.
+
+    What the rest is for, only some scenes need; where it isn't needed, it is None. ax, ay [m/s^2],
+    tx, ty [m/s] and growth [kg/(m^3 s)]: the rates at the last evaluation, see `stepping.Rates`;
+    ghost_u, ghost_v: of wall particles, the velocity [m/s] that viscosity sees.
     """
 
     x: Floats
@@ -26,6 +31,16 @@ class Particles(NamedTuple):
     rho: Floats
     stress: Floats
     id: Indices
+    ax: Any = None
+    ay: Any = None
+    tx: Any = None
+    ty: Any = None
+    growth: Any = None
+    ghost_u: Any = None
+    ghost_v: Any = None
+
+
+RATES = ("ax", "ay", "tx", "ty", "growth")
 
 
 class Controls(NamedTuple):
@@ -41,16 +56,20 @@ def column(n: int, dtype: Any) -> NDArray[Any]:
     return np.zeros(n + MOST_LANES, dtype)
 
 
-def allocate_particles(x: Floats, v: Floats, dtype: type) -> Particles:
-    """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given."""
+def allocate_particles(x: Floats, v: Floats, dtype: type, more: Iterable[str] = ()) -> Particles:
+    """Particles at x (n, 2) [m] with velocity v (n, 2) [m/s], in the order given.
+
+    more: names of optional columns that are needed.
+    """
     n = len(x)
     columns: list[Any] = [column(n, dtype) for _ in range(6)]
     for place, values in zip(columns, (*x.T, *v.T), strict=False):
         place[:n] = values
     columns.append(np.arange(n, dtype=np.int32))
-    return Particles(*columns)
+    return Particles(*columns, **{name: column(n, dtype) for name in more})
 
 
 def empty_like(particles: Any) -> Any:
     """A second set of arrays of the same shapes and types."""
-    return particles._replace(**{k: np.zeros_like(a) for k, a in particles._asdict().items()})
+    present = {name: array for name, array in particles._asdict().items() if array is not None}
+    return particles._replace(**{name: np.zeros_like(array) for name, array in present.items()})

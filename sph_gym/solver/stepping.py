@@ -3,31 +3,32 @@
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from sph_gym.solver.diagnostics import sum_up
-from sph_gym.solver.effects import PairEffects, UniformGravity, add_gravity, smoothed
-from sph_gym.solver.forces import (
+from sph_gym.solver.density import (
     Constants,
+    Extrapolation,
     compute_fluid_density,
     compute_wall_density,
     compute_wall_sums,
-    force_sums,
+    extrapolate,
 )
+from sph_gym.solver.diagnostics import sum_up
+from sph_gym.solver.effects import PairEffects
+from sph_gym.solver.integrators import MOVED, begin_step, end_step, moment, rates, settle
 from sph_gym.solver.jit import jit, jitable
-from sph_gym.solver.lanes import first_lanes, first_true, like, load, select, store, width
+from sph_gym.solver.lanes import store, width
 from sph_gym.solver.neighbors import (
     Lists,
     Sorting,
     group_size,
     lay_grid,
     own_blocks,
+    own_part,
     read_grid,
     sort_into_cells,
 )
 from sph_gym.solver.state import Indices, Particles
 from sph_gym.solver.teams import meet
-from sph_gym.solver.walls import Box, confine
+from sph_gym.solver.walls import Box, Plates, Stroke, stroke_at
 
 # The article's limits. Its 0.4 h^2/nu diverges where h is the support radius; 0.125: Morris 1997.
 COURANT = 0.4
@@ -35,25 +36,34 @@ FORCE = 0.25
 VISCOUS = 0.125
 
 # Columns of `World.status`: steps done by thread 0, the first particle in a thread's share that
-# failed or -1, whether a thread's list was too short; the particles that are its share.
-STEPS, BAD, FULL, FIRST, LAST = 0, 1, 2, 3, 4
+# failed or -1, whether a thread's list was too short; the particles that are its share; where in
+# a step the call ended, see below.
+STEPS, BAD, FULL, FIRST, LAST, STAGE = 0, 1, 2, 3, 4, 5
+# What is to be done before the next step: nothing; densities and lists, from `spare`; rates too,
+# since they depend on what has changed; densities and the second half of the present step.
+FRESH, UNSORTED, UNKNOWN, HALFWAY = 0, 1, 2, 3
 # Steps after which the grid follows the fluid within a call.
 LAY_EVERY = 64
 
-# Faster than this [m/s] is a blow-up, whatever the scene.
-TOP_SPEED = 5000.0
-
 
 class Model(NamedTuple):
-    """All that doesn't change within a call; absent parts are None and compiled away."""
+    """All that doesn't change within a call; absent parts are None and compiled away.
+
+    halves: the integrator once more, if its steps have a second half.
+    """
 
     kernel: Any
     eos: Any
     constants: Constants
     effects: PairEffects
     wall_effects: PairEffects
-    gravity: UniformGravity | None
+    gravity: Any
     box: Box | None
+    plates: Plates | None
+    extrapolation: Extrapolation | None
+    stroke: Stroke | None
+    integrator: Any
+    halves: Any
 
 
 def stable_dt(h: float, c: float, a_max: float, nu: float | None) -> float:
@@ -75,10 +85,11 @@ class World(NamedTuple):
 
     fluid: the state, in the order of its cells, with densities and pressures; spare: the same
     state as the last step left it, or scratch; start, wall_start: (n_cells + 1,) first particle
-    of every cell; walls: in the order of the cells; wall_source: in public order; wall_sums,
-    source_sums: kernel sums of wall particles over each other, in the two orders, below 0 while
-    unknown; status: (n_threads, 5) int64, see the constants above; team: flags of the threads;
-    totals: (9,) of the state, see `diagnostics.Totals`.
+    of every cell; walls: in the order of the cells; wall_source: in public order; wall_rest: the
+    same before they moved, moves: (n,) 1 for those that move; wall_sums, source_sums: kernel sums
+    of wall particles over each other, in the two orders, below 0 while unknown; status:
+    (n_threads, 6) int64, see the constants above; team: flags of the threads; totals: (9,) of the
+    state, see `diagnostics.Totals`.
     """
 
     fluid: Particles
@@ -86,6 +97,8 @@ class World(NamedTuple):
     start: Indices
     walls: Particles | None
     wall_source: Particles | None
+    wall_rest: Particles | None
+    moves: Any
     wall_start: Indices | None
     wall_sums: Any
     source_sums: Any
@@ -96,26 +109,70 @@ class World(NamedTuple):
     totals: Any
 
 
+# --- Sorting --------------------------------------------------------------------------------
+
+
 @jitable
-def sort_all(rank, n_threads, laying, world, h):
+def sort_all(rank, n_threads, laying, world, model, time):
     """The fluid from `spare` to `fluid` in the order of its cells, on a new grid if `laying`.
 
-    The walls are sorted only where the grid has moved, and always from the same order, so that a
-    restored run sums in the order of the first. Returns False if the team was told to stop.
+    The walls are sorted only where they or the grid have moved, and always from the same order,
+    so that a restored run sums in the order of the first. Returns False if the team was told to
+    stop.
     """
-    sorting, team = world.sorting, world.team
-    if laying:
-        if rank == 0 and lay_grid(sorting.frame, world.spare, h, world.start.size - 1):
-            _sort_walls(
-                world.walls, world.wall_source, world.wall_sums, world.source_sums,
-                rank, rank + 1, team, read_grid(sorting.frame), sorting, world.wall_start,
+    sorting, team, h = world.sorting, world.team, float(model.constants.h)
+    moved = stroke_moves(model.stroke)
+    if laying or moved:
+        if rank == 0:
+            moved = move_walls(
+                model.stroke, world.wall_source, world.wall_rest, world.moves,
+                world.source_sums, time,
             )  # fmt: skip
+            if laying:
+                moved = lay_grid(sorting.frame, world.spare, h, world.start.size - 1) or moved
+            if moved:
+                _sort_walls(
+                    world.walls, world.wall_source, world.wall_sums, world.source_sums,
+                    rank, rank + 1, team, read_grid(sorting.frame), sorting, world.wall_start,
+                )  # fmt: skip
         if not meet(team, n_threads):
             return False
     grid = read_grid(sorting.frame)
     return sort_into_cells(
-        rank, n_threads, team, grid, world.spare, world.fluid, sorting, world.start
-    )
+        rank, n_threads, team, grid, world.spare, world.fluid, sorting, world.start,
+        model.effects.continuity,
+    )  # fmt: skip
+
+
+@jitable
+def stroke_moves(stroke):
+    """Whether walls move."""
+    if stroke is None:
+        return False
+    return True
+
+
+@jitable
+def move_walls(stroke, source, rest, moves, source_sums, time):
+    """Boundary particles to where they are at a time [s]; whether there are any that move."""
+    if stroke is None:
+        return False
+    _displace(source, rest, moves, source_sums, stroke, time)
+    return True
+
+
+@jitable
+def _displace(source, rest, moves, source_sums, stroke, time):
+    if source is None:
+        return
+    x, y, u, v = stroke_at(stroke, time)
+    square = stroke.omega * stroke.omega * math.sin(stroke.omega * time)
+    for i in range(source.id.size):
+        share = moves[i]
+        source.x[i], source.y[i] = rest.x[i] + share * x, rest.y[i] + share * y
+        source.u[i], source.v[i] = rest.u[i] + share * u, rest.v[i] + share * v
+        source.ax[i], source.ay[i] = -share * stroke.ax * square, -share * stroke.ay * square
+    source_sums[0] = -1.0
 
 
 @jitable
@@ -124,9 +181,12 @@ def _sort_walls(
 ):
     if walls is None:
         return
-    sort_into_cells(rank, n_threads, team, grid, source, walls, sorting, wall_start)
+    sort_into_cells(rank, n_threads, team, grid, source, walls, sorting, wall_start, None)
     for i in range(walls.id.size):
         wall_sums[i] = source_sums[walls.id[i]]
+
+
+# --- Densities ------------------------------------------------------------------------------
 
 
 @jitable
@@ -143,6 +203,70 @@ def prepare_walls(
     for i in range(walls.id.size):
         source_sums[walls.id[i]] = wall_sums[i]
     return False
+
+
+@jitable
+def prepare_like_fluid(extrapolation, rank, n_threads, world, model, grid):
+    """Densities of boundary particles that are like fluid. Returns whether a list was too short."""
+    if extrapolation is None:
+        full = prepare_walls(
+            rank, n_threads, world.walls, world.wall_sums, world.source_sums, world.wall_start,
+            grid, world.lists, model.kernel, model.constants,
+        )  # fmt: skip
+        # where walls move there are new sums in every step
+        if stroke_moves(model.stroke) and not meet(world.team, n_threads):
+            return full
+        return full or compute_wall_density(
+            rank, n_threads, world.walls, world.wall_sums, world.wall_start, world.fluid,
+            world.start, grid, world.lists, model.kernel, model.eos, model.constants,
+        )  # fmt: skip
+    return False
+
+
+@jitable
+def any_extrapolation(extrapolation):
+    """Whether boundary particles wait for the fluid's pressure."""
+    if extrapolation is None:
+        return False
+    return True
+
+
+@jitable
+def refresh(rank, n_threads, laying, world, model, time):
+    """From a moved state in `spare` to one in `fluid` with densities, pressures and lists.
+
+    Returns False if the team was told to stop or a list was too short, which `status` tells.
+    """
+    if not sort_all(rank, n_threads, laying, world, model, time):
+        return False
+    fluid, start, walls, wall_start = world.fluid, world.start, world.walls, world.wall_start
+    lists, status, team = world.lists, world.status, world.team
+    kernel, eos, constants = model.kernel, model.eos, model.constants
+    grid = read_grid(world.sorting.frame)
+    first, last = own_blocks(grid, start, fluid.id.size, width(fluid.x), rank, n_threads)
+    status[rank, FIRST], status[rank, LAST] = first, last
+    full = prepare_like_fluid(model.extrapolation, rank, n_threads, world, model, grid)
+    _, room = own_part(lists, rank, n_threads)
+    end = room
+    if not full:
+        end = compute_fluid_density(
+            rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
+            kernel, eos, constants, model.effects.continuity,
+        )  # fmt: skip
+    status[rank, FULL] = full or end > room
+    if not meet(team, n_threads) or any_full(status, n_threads):
+        return False
+    if any_extrapolation(model.extrapolation):
+        status[rank, FULL] = extrapolate(
+            model.extrapolation, rank, n_threads, end, walls, wall_start, fluid, start, grid,
+            lists, kernel, eos, constants, model.gravity, time,
+        )  # fmt: skip
+        if not meet(team, n_threads) or any_full(status, n_threads):
+            return False
+    return True
+
+
+# --- Steps ----------------------------------------------------------------------------------
 
 
 @jitable
@@ -167,62 +291,37 @@ def first_bad(status, n_threads):
 def evaluate_acceleration(i, fluid, walls, lists, model, time, ax, ay):
     """Acceleration [m/s^2] of the fluid particles from i on, in the order of `fluid`."""
     n_fluid = fluid.id.size
-    scale = model.constants.force_scale
     while i < n_fluid:
         n = group_size(lists, i, min(width(ax), n_fluid - i))
-        sums = force_sums(
-            i, fluid, walls, lists,
-            model.kernel, model.constants, model.effects, model.wall_effects,
-        )  # fmt: skip
-        x, y = add_gravity(model.gravity, time, scale * sums.ax, scale * sums.ay)
-        store(ax, i, x, n)
-        store(ay, i, y, n)
+        here = rates(i, fluid, walls, lists, model, time)
+        store(ax, i, here.ax, n)
+        store(ay, i, here.ay, n)
         i += n
 
 
 @jitable
-def kick_and_drift(first, last, source, target, walls, lists, model, time, dt):
-    """Symplectic Euler for particles first to last: v += a dt, then x += (smoothed v) dt.
+def finish_step(halves, rank, n_threads, world, model, laying, time, dt):
+    """The second half of the step from `time` to `time` + dt [s], where steps have one.
 
-    The XSPH sum is that of the velocities before the kick, so that one pair loop serves both.
-    Returns the first of them that is no longer finite or too fast, or -1.
+    Returns False if it failed, a list was too short or the team was told to stop.
     """
-    for k in range(first, last):
-        target.id[k] = source.id[k]
-    i = first
-    scale = model.constants.force_scale
-    bad = -1
-    while i < last:
-        n = group_size(lists, i, min(width(source.x), last - i))
-        sums = force_sums(
-            i, source, walls, lists,
-            model.kernel, model.constants, model.effects, model.wall_effects,
-        )  # fmt: skip
-        ax, ay = add_gravity(model.gravity, time, scale * sums.ax, scale * sums.ay)
-        u = load(source.u, i) + dt * ax
-        v = load(source.v, i) + dt * ay
-        drift_u, drift_v = smoothed(model.effects.xsph, u, v, sums)
-        x = load(source.x, i) + dt * drift_u
-        y = load(source.y, i) + dt * drift_v
-        x, y, u, v = confine(model.box, x, y, u, v)
-        store(target.x, i, x, n)
-        store(target.y, i, y, n)
-        store(target.u, i, u, n)
-        store(target.v, i, v, n)
-        wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
-        if wrong >= 0 and bad < 0:
-            bad = i + wrong
-        i += n
-    return bad
-
-
-@jitable
-def insane(x, y, u, v):
-    """Where a position is no longer finite or a speed absurd."""
-    # not x - x == 0, which reassociation folds to True; nor a negated mask, for plain bools
-    zero, one = like(x, 0.0), like(x, 1.0)
-    slow = select(u * u + v * v < like(u, TOP_SPEED * TOP_SPEED), zero, one)
-    return slow + select(abs(x) + abs(y) < like(x, np.inf), zero, one) > zero
+    if halves is None:
+        return True
+    fluid, spare, status, team = world.fluid, world.spare, world.status, world.team
+    first, last = status[rank, FIRST], status[rank, LAST]
+    bad = end_step(
+        halves, first, last, fluid, spare, world.walls, world.lists, model, time, dt
+    )
+    status[rank, BAD] = bad
+    if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
+        return False
+    if settle(halves, first, last, spare, fluid, model) == MOVED:
+        status[rank, STAGE] = UNSORTED
+        # nobody may write to `fluid` while others still settle
+        return meet(team, n_threads) and refresh(
+            rank, n_threads, laying, world, model, time + dt
+        )
+    return meet(team, n_threads)
 
 
 @jit
@@ -230,45 +329,39 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
     """n_substeps steps of the whole chain: force, integration, neighbours, density, pressure.
 
     `world.fluid` holds the state before and after, with densities, pressures and lists; `stale`
-    says that these are not up to date, and that the state is to be taken from `spare`. When a
-    step fails, `fluid` still holds the state before it; when a list was too short, `spare` holds
-    the state after the last step, for another call with larger lists. `world.status` says so.
+    says what of it is not up to date (see FRESH and the others). When a step fails, `fluid` holds
+    the last finite state, which is that before it or, with integrators of two halves, that within
+    it; when a list was too short, `spare` holds a state for another call with larger lists.
+    `world.status` says so.
     """
-    fluid, spare, start = world.fluid, world.spare, world.start
-    walls, wall_start, wall_sums = world.walls, world.wall_start, world.wall_sums
-    lists, status, team = world.lists, world.status, world.team
-    kernel, eos, constants = model.kernel, model.eos, model.constants
+    fluid, spare, status, team = world.fluid, world.spare, world.status, world.team
     status[rank, STEPS], status[rank, BAD], status[rank, FULL] = 0, -1, 0
     for k in range(n_substeps + 1):
+        began = time + (k - 1) * float(dt)
+        step, todo = dt, HALFWAY
         if k > 0:
-            now = time + (k - 1) * float(dt)
             first, last = status[rank, FIRST], status[rank, LAST]
-            bad = kick_and_drift(first, last, fluid, spare, walls, lists, model, now, dt)
+            bad = begin_step(
+                model.integrator, first, last, fluid, spare, world.walls, world.lists, model,
+                began, dt,
+            )  # fmt: skip
             status[rank, STEPS], status[rank, BAD] = k, bad
             if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
                 return
-        elif not stale:
-            continue
+        else:
+            todo = stale
+            if stale == FRESH:
+                continue
+            if stale != HALFWAY:
+                began, step = time, dt * 0
         laying = k == n_substeps or k % LAY_EVERY == 0
-        if not sort_all(rank, n_threads, laying, world, float(constants.h)):
+        status[rank, STAGE] = todo
+        if not refresh(rank, n_threads, laying, world, model, moment(model.integrator, began, step)):
             return
-        grid = read_grid(world.sorting.frame)
-        first, last = own_blocks(grid, start, fluid.id.size, width(fluid.x), rank, n_threads)
-        status[rank, FIRST], status[rank, LAST] = first, last
-        full = prepare_walls(
-            rank, n_threads, walls, wall_sums, world.source_sums, wall_start, grid, lists,
-            kernel, constants,
-        )  # fmt: skip
-        full = full or compute_wall_density(
-            rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid, lists,
-            kernel, eos, constants,
-        )  # fmt: skip
-        full = full or compute_fluid_density(
-            rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
-            kernel, eos, constants,
-        )  # fmt: skip
-        status[rank, FULL] = full
-        if not meet(team, n_threads) or any_full(status, n_threads):
+        if todo != UNSORTED and not finish_step(
+            model.halves, rank, n_threads, world, model, laying, began, step
+        ):
             return
+    status[rank, STAGE] = FRESH
     if rank == 0:
-        sum_up(fluid, walls, eos, world.totals)
+        sum_up(fluid, world.walls, model.extrapolation, model.eos, world.totals)

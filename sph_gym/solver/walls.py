@@ -1,16 +1,28 @@
-"""Walls: boundary particles that push back before a particle arrives, and a box that clamps."""
+"""Walls: boundary particles, a box that clamps, plates that nothing passes, periodic domains.
+
+Boundary particles push back before a particle arrives. The box and the plates are for those that
+arrive all the same: a side of the box holds all that is beyond it, so that no speed is too high,
+and a plate looks at the whole path of a step.
+"""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sph_gym.solver.checks import finite_array, in_range, positive
+from sph_gym.solver.checks import finite_array, in_range, known, number
 from sph_gym.solver.jit import jitable
-from sph_gym.solver.lanes import maximum, minimum, select
+from sph_gym.solver.lanes import broadcast, like, maximum, minimum, rsqrt, select
 from sph_gym.solver.state import Floats
+
+SIDES = ("left", "right", "bottom", "top")
+PRESSURES = ("like fluid", "extrapolated")
+SLIPS = ("no-slip", "free-slip")
+# Of dx: how far in front of a plate a particle that hit it is put.
+SKIN = 1e-2
 
 
 class Box(NamedTuple):
@@ -21,6 +33,55 @@ class Box(NamedTuple):
     y_min: float
     y_max: float
     restitution: float
+
+
+class Plates(NamedTuple):
+    """Segments; x0, y0, x1, y1: (n,) their ends [m]; restitution; skin: see SKIN [m]."""
+
+    x0: Any
+    y0: Any
+    x1: Any
+    y1: Any
+    restitution: float
+    skin: float
+
+
+class Period(NamedTuple):
+    """A direction in which space closes upon itself: low, high [m]; length = high - low."""
+
+    low: float
+    high: float
+    length: float
+    half: float
+
+
+class Stroke(NamedTuple):
+    """The motion of moving walls, see `Motion`; sides: whether left, right, bottom, top move."""
+
+    u: float
+    v: float
+    ax: float
+    ay: float
+    omega: float
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+
+class LikeFluid(NamedTuple):
+    """Boundary particles that take part in density and pressure exactly like fluid."""
+
+    layers: float
+
+
+class Extrapolated(NamedTuple):
+    """Boundary particles with the pressure of the fluid around them; `scale`: of W [1/m^2]."""
+
+    scale: float
+
+
+# --- Terms ----------------------------------------------------------------------------------
 
 
 @jitable
@@ -46,71 +107,288 @@ def confine(box, x, y, u, v):
     return x, y, u, v
 
 
+@jitable
+def stop_at_plates(plates, old_x, old_y, x, y, u, v):
+    """End a path that would cross a plate in front of it, and reflect the normal velocity.
+
+    All plates twice: in a corner the first plate may send a particle through the second.
+    """
+    if plates is None:
+        return x, y, u, v
+    for k in range(2 * plates.x0.size):
+        k = k % plates.x0.size
+        px, py = broadcast(plates.x0, k), broadcast(plates.y0, k)
+        tx, ty = broadcast(plates.x1, k) - px, broadcast(plates.y1, k) - py
+        zero, one = like(old_x, 0.0), like(old_x, 1.0)
+        inv_length = rsqrt(tx * tx + ty * ty)
+        nx, ny = -ty * inv_length, tx * inv_length
+        before = (old_x - px) * nx + (old_y - py) * ny
+        after = (x - px) * nx + (y - py) * ny
+        side = select(before < zero, -one, one)
+        share = before / select(before * after < zero, before - after, one)
+        hit_x, hit_y = old_x + share * (x - old_x), old_y + share * (y - old_y)
+        along = ((hit_x - px) * tx + (hit_y - py) * ty) * (inv_length * inv_length)
+        inside = select(along < zero, zero, select(along > one, zero, one))
+        crosses = inside * select(before * after < zero, one, zero) > zero
+        normal_speed = u * nx + v * ny
+        turned = select(crosses, (one + like(one, plates.restitution)) * normal_speed, zero)
+        u, v = u - turned * nx, v - turned * ny
+        gap = side * like(one, plates.skin)
+        x = select(crosses, hit_x + gap * nx, x)
+        y = select(crosses, hit_y + gap * ny, y)
+    return x, y, u, v
+
+
+@jitable
+def nearest_image(period, d):
+    """The component d of a distance between two particles, to the nearest image of the other."""
+    if period is None:
+        return d
+    d = select(d > like(d, period.half), d - like(d, period.length), d)
+    return select(d < like(d, -period.half), d + like(d, period.length), d)
+
+
+@jitable
+def wrap(period, x):
+    """Into the domain again at its other end."""
+    if period is None:
+        return x
+    x = select(x < like(x, period.low), x + like(x, period.length), x)
+    return select(x < like(x, period.high), x, x - like(x, period.length))
+
+
+@jitable
+def stroke_at(stroke, time):
+    """How far the moving walls are from where they began [m], and their velocity [m/s]."""
+    phase = stroke.omega * time
+    swing, rate = math.sin(phase), stroke.omega * math.cos(phase)
+    x, y = stroke.u * time + stroke.ax * swing, stroke.v * time + stroke.ay * swing
+    return x, y, stroke.u + stroke.ax * rate, stroke.v + stroke.ay * rate
+
+
+@jitable
+def moved_box(stroke, box, time):
+    """The box at a time [s], and the velocity of its moving sides [m/s]."""
+    if stroke is None or box is None:
+        return box
+    x, y, _, _ = stroke_at(stroke, time)
+    return Box(
+        box.x_min + like(box.x_min, stroke.left * x),
+        box.x_max + like(box.x_min, stroke.right * x),
+        box.y_min + like(box.x_min, stroke.bottom * y),
+        box.y_max + like(box.x_min, stroke.top * y),
+        box.restitution,
+    )
+
+
+# --- What a scene names ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Walls that move: by velocity t + amplitude sin(2 pi frequency t) from where they began.
+
+    velocity: (u, v) [m/s]; amplitude: (x, y) [m]; frequency [Hz]; particles: (n,) which boundary
+    particles move, by default all; sides: of the box, any of "left", "right", "bottom", "top".
+
+    Raises ValueError for wrong shapes, unknown sides and a motion that is none.
+    """
+
+    velocity: tuple[float, float] = (0.0, 0.0)
+    amplitude: tuple[float, float] = (0.0, 0.0)
+    frequency: float = 0.0
+    particles: ArrayLike | None = None
+    sides: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("velocity", "amplitude"):
+            vector = finite_array(f"walls.motion.{name}", getattr(self, name), (2,))
+            object.__setattr__(self, name, tuple(map(float, vector)))
+        frequency = in_range("walls.motion.frequency", self.frequency, 0.0)
+        object.__setattr__(self, "frequency", frequency)
+        if not any(self.velocity) and not (any(self.amplitude) and frequency):
+            raise ValueError("walls.motion: expected a velocity, or an amplitude and a frequency")
+        if isinstance(self.sides, str) or not isinstance(self.sides, Iterable):
+            raise ValueError(f"walls.motion.sides: expected a tuple, got {self.sides!r}")
+        sides = tuple(known("walls.motion.sides", side, SIDES) for side in self.sides)
+        object.__setattr__(self, "sides", sides)
+        if self.particles is not None:
+            moves = np.array(self.particles)
+            if moves.dtype != bool or moves.ndim != 1:
+                raise ValueError(
+                    "walls.motion.particles: expected (n,) True or False, one for every boundary "
+                    f"particle, got an array of {moves.dtype} of shape {moves.shape}"
+                )
+            object.__setattr__(self, "particles", moves)
+
+    def stroke(self) -> Stroke:
+        """The numbers that the compiled loop takes."""
+        sides = (float(side in self.sides) for side in SIDES)
+        return Stroke(*self.velocity, *self.amplitude, 2 * math.pi * self.frequency, *sides)
+
+    @property
+    def top_speed(self) -> float:
+        """The largest speed [m/s] that the walls reach."""
+        return math.hypot(*self.velocity) + 2 * math.pi * self.frequency * math.hypot(
+            *self.amplitude
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Walls:
     """The walls of a scene; what is left out costs nothing.
 
-    particles: (n, 2) positions of boundary particles at rest [m]; they take part in density,
-    pressure and viscosity exactly like fluid, but not in XSPH.
+    particles: (n, 2) positions of boundary particles [m]; they take part in density and pressure,
+    and in viscosity unless they are "free-slip", but not in XSPH.
+    pressure: "like fluid" (the article's: they have a density and a pressure of their own), or
+    "extrapolated" from the fluid (Adami, Hu, Adams 2012, eq. 27), which also mirrors the
+    velocity that viscosity sees at "no-slip" walls (eq. 23).
+    slip: "no-slip" or "free-slip". velocity: (2,) or (n, 2) [m/s] of walls that slide along
+    themselves, as a lid or a belt. motion: of walls that move, as a piston.
     box: (x_min, x_max, y_min, y_max) [m], infinite where a side is open: a particle that passes
     a side is clamped to it, and the normal part of its velocity is reflected.
-    restitution: share of the normal speed that is left after such a reflection, 0 to 1.
+    plates: ((x0, y0, x1, y1), ...) segments [m] that no path crosses, however fast.
+    restitution: share of the normal speed that is left after a reflection, 0 to 1.
+    period_x, period_y: (low, high) [m] where space closes upon itself; at least 4 h long.
 
     Raises ValueError for positions that are not finite and of shape (n, 2), n >= 1, for a box
-    that isn't four numbers in order, and for a restitution outside [0, 1].
+    that isn't four numbers in order, for plates without length, for unknown names, and for a
+    restitution outside [0, 1].
     """
 
     particles: ArrayLike | None = None
     box: tuple[float, float, float, float] | None = None
     restitution: float = 0.0
+    pressure: str = "like fluid"
+    slip: str = "no-slip"
+    velocity: ArrayLike | None = None
+    motion: Motion | None = None
+    plates: ArrayLike | None = None
+    period_x: tuple[float, float] | None = None
+    period_y: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.particles is not None:
-            positions = finite_array("walls.particles", self.particles, ("n", 2))
-            if len(positions) == 0:
-                raise ValueError("walls.particles: expected at least one position, got none")
-            positions.flags.writeable = False
-            object.__setattr__(self, "particles", positions)
+        known("walls.pressure", self.pressure, PRESSURES)
+        known("walls.slip", self.slip, SLIPS)
         restitution = in_range("walls.restitution", self.restitution, 0.0, 1.0)
         object.__setattr__(self, "restitution", restitution)
+        if self.particles is not None:
+            self._set_array("particles", ("n", 2))
+            if len(np.asarray(self.particles)) == 0:
+                raise ValueError("walls.particles: expected at least one position, got none")
+        self._check_velocity()
+        self._check_motion()
         if self.box is not None:
-            try:
-                sides = tuple(float(side) for side in self.box)
-            except (TypeError, ValueError):
-                sides = ()
-            if len(sides) != 4 or not (sides[0] < sides[1] and sides[2] < sides[3]):
+            object.__setattr__(self, "box", _checked_box(self.box))
+        if self.plates is not None:
+            self._set_array("plates", ("n", 4))
+            _check_plates(np.asarray(self.plates))
+        for name in ("period_x", "period_y"):
+            if getattr(self, name) is not None:
+                ends = finite_array(f"walls.{name}", getattr(self, name), (2,))
+                if not ends[0] < ends[1]:
+                    raise ValueError(f"walls.{name}: expected (low, high), got {tuple(ends)}")
+                object.__setattr__(self, name, tuple(map(float, ends)))
+
+    def _set_array(self, name: str, shape: tuple[Any, ...]) -> None:
+        array = finite_array(f"walls.{name}", getattr(self, name), shape)
+        array.flags.writeable = False
+        object.__setattr__(self, name, array)
+
+    def _check_velocity(self) -> None:
+        if self.velocity is None:
+            return
+        if self.particles is None:
+            raise ValueError("walls.velocity: expected walls.particles that have it, got none")
+        if np.ndim(self.velocity) == 1:
+            velocity = finite_array("walls.velocity", self.velocity, (2,))
+            object.__setattr__(self, "velocity", np.tile(velocity, (len(self.particles), 1)))  # type: ignore[arg-type]
+        self._set_array("velocity", (len(np.asarray(self.particles)), 2))
+
+    def _check_motion(self) -> None:
+        if self.motion is None:
+            return
+        if not isinstance(self.motion, Motion):
+            raise ValueError(f"walls.motion: expected Motion(...), got {self.motion!r}")
+        if self.particles is None and not self.motion.sides:
+            raise ValueError("walls.motion: expected walls.particles or sides that move, got none")
+        chosen = self.motion.particles
+        if chosen is not None:
+            n = 0 if self.particles is None else len(np.asarray(self.particles))
+            if np.shape(chosen) != (n,):
                 raise ValueError(
-                    "walls.box: expected (x_min, x_max, y_min, y_max) with x_min < x_max and "
-                    f"y_min < y_max, got {self.box!r}"
+                    f"walls.motion.particles: expected shape ({n},), got {np.shape(chosen)}"
                 )
-            object.__setattr__(self, "box", sides)
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether space closes upon itself in any direction."""
+        return self.period_x is not None or self.period_y is not None
+
+    @property
+    def moves(self) -> Floats:
+        """(n,) 1 for boundary particles that move, else 0."""
+        n = 0 if self.particles is None else len(np.asarray(self.particles))
+        if self.motion is None:
+            return np.zeros(n)
+        chosen = self.motion.particles
+        return np.ones(n) if chosen is None else np.asarray(chosen, float)
+
+    @property
+    def velocities(self) -> Floats:
+        """(n, 2) [m/s] of boundary particles, without their motion."""
+        n = 0 if self.particles is None else len(np.asarray(self.particles))
+        return np.zeros((n, 2)) if self.velocity is None else np.asarray(self.velocity)
+
+    @property
+    def top_speed(self) -> float:
+        """The largest speed [m/s] of any boundary particle."""
+        sliding = float(np.hypot(*self.velocities.T).max(initial=0.0))
+        return sliding + (0.0 if self.motion is None else self.motion.top_speed)
 
 
-def snap(length: float, dx: float) -> float:
-    """The multiple of dx nearest to a length, at least dx: where a lattice of spacing dx fits."""
-    return max(round(length / dx), 1) * dx
+def _checked_box(box: Any) -> tuple[float, ...]:
+    try:
+        sides = tuple(float(side) for side in box)
+    except (TypeError, ValueError):
+        sides = ()
+    if len(sides) != 4 or not (sides[0] < sides[1] and sides[2] < sides[3]):
+        raise ValueError(
+            "walls.box: expected (x_min, x_max, y_min, y_max) with x_min < x_max and "
+            f"y_min < y_max, got {box!r}"
+        )
+    return sides
 
 
-def lattice(x_min: float, x_max: float, y_min: float, y_max: float, dx: float) -> Floats:
-    """Square lattice of spacing dx that fills a rectangle, half a spacing from its lower sides.
-
-    Returns (n, 2) [m]. The upper sides are moved to the nearest multiple of dx: a lattice that
-    was stretched to fit would not be at rest density.
-    """
-    positive("dx", dx)
-    nx, ny = (max(round(side / dx), 1) for side in (x_max - x_min, y_max - y_min))
-    x, y = x_min + (np.arange(nx) + 0.5) * dx, y_min + (np.arange(ny) + 0.5) * dx
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+def _check_plates(plates: Floats) -> None:
+    if len(plates) == 0:
+        raise ValueError("walls.plates: expected at least one segment, got none")
+    lengths = np.hypot(*(plates[:, 2:] - plates[:, :2]).T)
+    if not (lengths > 0).all():
+        bad = int(np.argmin(lengths))
+        raise ValueError(f"walls.plates: expected segments with a length, got {plates[bad]}")
 
 
-def tank_particles(width: float, height: float, dx: float, layers: int = 3) -> Floats:
-    """Floor and side walls of an open tank, `layers` deep, in step with a lattice of spacing dx.
+def make_box(walls: Walls | None, precision: Any) -> Box | None:
+    """The box in the precision of the particles, where there is one."""
+    if walls is None or walls.box is None:
+        return None
+    return Box(*(precision(side) for side in (*walls.box, walls.restitution)))
 
-    The inner faces are x = 0, x = width (to the nearest multiple of dx) and y = 0, the walls at
-    least `height` high. Returns (n, 2) [m].
-    """
-    positive("dx", dx)
-    nx, ny = max(round(width / dx), 1), math.ceil(height / dx - 1e-9)
-    i, j = (a.ravel() for a in np.meshgrid(np.arange(-layers, nx + layers), np.arange(-layers, ny)))
-    outside = (i < 0) | (i >= nx) | (j < 0)
-    return (np.stack([i[outside], j[outside]], axis=-1) + 0.5) * dx
+
+def make_plates(walls: Walls | None, dx: float, precision: Any) -> Plates | None:
+    """The plates in the precision of the particles, where there are any."""
+    if walls is None or walls.plates is None:
+        return None
+    ends = np.asarray(walls.plates).astype(precision)
+    columns = (np.ascontiguousarray(column) for column in ends.T)
+    return Plates(*columns, float(walls.restitution), number("skin", SKIN * dx))
+
+
+def make_period(ends: tuple[float, float] | None, precision: Any) -> Period | None:
+    """A periodic direction, where there is one; its length is what the two ends make of it."""
+    if ends is None:
+        return None
+    low, high = precision(ends[0]), precision(ends[1])
+    length = precision(high - low)
+    return Period(low, high, length, precision(length / 2))

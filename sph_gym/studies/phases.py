@@ -4,10 +4,10 @@ A call from Python takes as long as a phase of a small fluid, so the repetition 
 Every phase leaves what the next one needs, as it does within a step.
 """
 
-from sph_gym.solver.forces import compute_fluid_density, compute_wall_density
+from sph_gym.solver.density import compute_fluid_density, compute_wall_density
+from sph_gym.solver.integrators import begin_step
 from sph_gym.solver.jit import jit
 from sph_gym.solver.neighbors import read_grid, sort_into_cells
-from sph_gym.solver.stepping import kick_and_drift
 
 
 @jit
@@ -16,8 +16,9 @@ def sort(world, model, standstill, repeats):
     for _ in range(repeats):
         grid = read_grid(world.sorting.frame)
         sort_into_cells(
-            0, 1, world.team, grid, world.spare, world.fluid, world.sorting, world.start
-        )
+            0, 1, world.team, grid, world.spare, world.fluid, world.sorting, world.start,
+            model.effects.continuity,
+        )  # fmt: skip
 
 
 @jit
@@ -39,6 +40,7 @@ def fluid_density(world, model, standstill, repeats):
         compute_fluid_density(
             0, 1, 0, world.fluid.id.size, world.fluid, world.start, world.walls, world.wall_start,
             grid, world.lists, model.kernel, model.eos, model.constants,
+            model.effects.continuity,
         )  # fmt: skip
 
 
@@ -46,8 +48,8 @@ def fluid_density(world, model, standstill, repeats):
 def force(world, model, standstill, repeats):
     """Forces and integration by a time step `standstill`, 0 in the precision of the particles."""
     for _ in range(repeats):
-        kick_and_drift(
-            0, world.fluid.id.size, world.fluid, world.spare, world.walls, world.lists,
+        begin_step(
+            model.integrator, 0, world.fluid.id.size, world.fluid, world.spare, world.walls, world.lists,
             model, 0.0, standstill,
         )  # fmt: skip
 

@@ -64,7 +64,7 @@ class Runner:
         """Time of one step [s], the mean of a call; one thread is kept on one core."""
         with pinned(self.threads):
             if self.home is not None:
-                self.sim.engine.set_state(self.home)
+                self.sim.engine.set_state(self.home, 0.0)
             return clocked(lambda: self._run(self.n_steps), clock) / self.n_steps
 
     def bytes(self) -> int:

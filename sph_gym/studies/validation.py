@@ -5,7 +5,7 @@ import numpy as np
 from sph_gym import scenes
 from sph_gym.scenes.dam_break import front_error, front_history
 from sph_gym.scenes.hydrostatic_tank import bottom_pressure_error
-from sph_gym.solver.scene import Gravity
+from sph_gym.solver.gravity import Gravity
 from sph_gym.solver.simulation import Simulation
 from sph_gym.studies.table import Row
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver.scene import Gravity, Scene
+from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.view.colors import ARROW, EDGE, Quantity, ticks, velocity_scale
 from sph_gym.view.layout import FIELD, LINE, Layout, control_rows
@@ -70,9 +70,9 @@ def arrow_unit(scene: Scene, a: NDArray[Any]) -> float:
     size = size[np.isfinite(size)]
     typical = float(np.quantile(size, 0.9)) if size.size else 0.0
     typical = max(typical, velocity_scale(scene) ** 2 / (1000 * scene.dx))
-    gravity = scene.effects.gravity
-    if isinstance(gravity, Gravity):
-        typical = max(typical, math.hypot(gravity.x, gravity.y))
+    if scene.effects.field is not None:
+        reach = float(np.abs(np.asarray(scene.x)).max())
+        typical = max(typical, scene.effects.field.strongest(reach))
     power = 10.0 ** math.floor(math.log10(typical))
     # a little leeway, or round-off would lift a round number to the next
     return next(power * step for step in (1, 2, 5, 10) if power * step >= 0.999 * typical)

@@ -1,0 +1,75 @@
+"""Where particles are at the start: lattices, discs, tanks, and plates of boundary particles."""
+
+import math
+
+import numpy as np
+
+from sph_gym.solver.checks import positive, whole
+from sph_gym.solver.state import Floats
+
+
+def snap(length: float, dx: float) -> float:
+    """The multiple of dx nearest to a length, at least dx: where a lattice of spacing dx fits."""
+    return max(round(length / dx), 1) * dx
+
+
+def lattice(x_min: float, x_max: float, y_min: float, y_max: float, dx: float) -> Floats:
+    """Square lattice of spacing dx that fills a rectangle, half a spacing from its lower sides.
+
+    Returns (n, 2) [m]. The upper sides are moved to the nearest multiple of dx: a lattice that
+    was stretched to fit would not be at rest density.
+    """
+    positive("dx", dx)
+    nx, ny = (max(round(side / dx), 1) for side in (x_max - x_min, y_max - y_min))
+    x, y = x_min + (np.arange(nx) + 0.5) * dx, y_min + (np.arange(ny) + 0.5) * dx
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def disc(x: float, y: float, radius: float, dx: float) -> Floats:
+    """The points of a square lattice, symmetric about x, y, within `radius` of it. (n, 2) [m]."""
+    square = lattice(-radius, radius, -radius, radius, dx)
+    square -= square.mean(axis=0)
+    return square[np.hypot(*square.T) <= radius] + (x, y)
+
+
+def tank_particles(
+    width: float, height: float, dx: float, layers: int = 3, lid: bool = False
+) -> Floats:
+    """Floor and side walls of a tank, `layers` deep, in step with a lattice of spacing dx.
+
+    The inner faces are x = 0, x = width (to the nearest multiple of dx) and y = 0, the walls at
+    least `height` high; with a `lid`, the tank is closed at `height`. Returns (n, 2) [m].
+    """
+    positive("dx", dx)
+    nx, ny = max(round(width / dx), 1), math.ceil(height / dx - 1e-9)
+    top = ny + (layers if lid else 0)
+    i, j = (
+        a.ravel() for a in np.meshgrid(np.arange(-layers, nx + layers), np.arange(-layers, top))
+    )
+    outside = (i < 0) | (i >= nx) | (j < 0) | (j >= ny)
+    return (np.stack([i[outside], j[outside]], axis=-1) + 0.5) * dx
+
+
+def channel_particles(length: float, height: float, dx: float, layers: int = 3) -> Floats:
+    """The two walls of a channel from x = 0 to `length`, inner faces y = 0 and y = height.
+
+    In step with a lattice of spacing dx; length and height are rounded to multiples of it.
+    Returns (n, 2) [m], the lower wall first.
+    """
+    layers, height = whole("layers", layers, at_least=1), snap(height, dx)
+    below = lattice(0.0, length, -layers * dx, 0.0, dx)
+    return np.concatenate([below, lattice(0.0, length, height, height + layers * dx, dx)])
+
+
+def plate_particles(
+    start: tuple[float, float], end: tuple[float, float], dx: float, layers: int = 1
+) -> Floats:
+    """A straight thin obstacle from `start` to `end` [m], `layers` deep about that line. (n, 2)."""
+    begin, finish = np.array(start, float), np.array(end, float)
+    along = finish - begin
+    length = positive("length of the plate", np.hypot(*along))
+    n = max(round(length / positive("dx", dx)), 1)
+    normal = np.array([-along[1], along[0]]) / length * dx
+    share = (np.arange(n) + 0.5) / n
+    depths = np.arange(layers) - (layers - 1) / 2
+    return np.concatenate([begin + share[:, None] * along + depth * normal for depth in depths])

@@ -1,0 +1,342 @@
+"""How a step goes from rates to the next state: three integrators, chosen at compile time.
+
+Each is a family member of two halves: `begin_step` moves the particles, after which neighbours and
+densities are brought up to date, and `end_step` may evaluate the forces there. All evaluate the
+pair forces once a step. What they need of the last evaluation is kept in the columns of rates,
+which belong to the state: a run that is cut into several calls goes on as if it wasn't.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sph_gym.solver.density import store_density
+from sph_gym.solver.effects import add_shift, add_smoothing
+from sph_gym.solver.forces import force_sums
+from sph_gym.solver.gravity import add_gravity
+from sph_gym.solver.jit import dispatch, jitable
+from sph_gym.solver.lanes import first_lanes, first_true, like, load, select, store, width
+from sph_gym.solver.neighbors import group_size
+from sph_gym.solver.walls import confine, moved_box, stop_at_plates, wrap
+
+# Faster than this [m/s] is a blow-up, whatever the scene.
+TOP_SPEED = 5000.0
+
+
+class SymplecticEuler(NamedTuple):
+    """v += a dt, then x += v dt: first order, symplectic, the cheapest. The default."""
+
+
+class KickDriftKick(NamedTuple):
+    """v += a dt/2, x += v dt, then v += a dt/2 with the new a: second order, symplectic.
+
+    Also called velocity Verlet. Forces that depend on velocities see those of the half step; a
+    density by continuity follows the mean of its rates at both ends. Source: Swope et al. 1982.
+    """
+
+
+class PredictorCorrector(NamedTuple):
+    """Half a step with the last rates, then a whole one with the rates found there.
+
+    Second order; densities and neighbours twice a step. Source: Monaghan 1989, section 4.
+    """
+
+
+TWO_HALVES = (KickDriftKick, PredictorCorrector)
+INTEGRATORS: dict[str, Any] = {
+    "symplectic_euler": SymplecticEuler(),
+    "kick_drift_kick": KickDriftKick(),
+    "predictor_corrector": PredictorCorrector(),
+}
+
+
+class Rates(NamedTuple):
+    """What a group of particles feels.
+
+    ax, ay: acceleration [m/s^2]; tx, ty: what is added to the velocity that moves them [m/s];
+    growth: d rho/dt [kg/(m^3 s)].
+    """
+
+    ax: Any
+    ay: Any
+    tx: Any
+    ty: Any
+    growth: Any
+
+
+@jitable
+def rates(i, fluid, walls, lists, model, time):
+    """The rates of the group that begins with fluid particle i."""
+    sums = force_sums(
+        i, fluid, walls, lists,
+        model.kernel, model.constants, model.effects, model.wall_effects,
+    )  # fmt: skip
+    scale, zero = model.constants.force_scale, like(sums.ax, 0.0)
+    ax, ay = add_gravity(
+        model.gravity, time, load(fluid.x, i), load(fluid.y, i), load(fluid.u, i),
+        load(fluid.v, i), scale * sums.ax, scale * sums.ay,
+    )  # fmt: skip
+    tx, ty = add_smoothing(model.effects.xsph, sums, zero, zero)
+    tx, ty = add_shift(model.effects.shifting, sums, tx, ty)
+    return Rates(ax, ay, tx, ty, scale * sums.growth)
+
+
+@jitable
+def kept(column, i, present):
+    """The numbers of a column of rates; zero where none is kept."""
+    if column is None:
+        return like(present, 0.0)
+    return load(column, i)
+
+
+@jitable
+def keep(column, i, value, n):
+    """Store `value` in a column, where there is one."""
+    if column is None:
+        return
+    store(column, i, value, n)
+
+
+@jitable
+def grow(continuity, source, target, i, n, change):
+    """Store the density that `change` [kg/m^3] leads to, where it is a part of the state."""
+    if continuity is None:
+        return
+    store(target.rho, i, load(source.rho, i) + change, n)
+
+
+@jitable
+def kept_rates(source, i, present):
+    """The rates of the last evaluation."""
+    return Rates(
+        kept(source.ax, i, present),
+        kept(source.ay, i, present),
+        kept(source.tx, i, present),
+        kept(source.ty, i, present),
+        kept(source.growth, i, present),
+    )
+
+
+@jitable
+def keep_rates(target, i, new, n):
+    """Write down what the next step needs."""
+    keep(target.ax, i, new.ax, n)
+    keep(target.ay, i, new.ay, n)
+    keep(target.tx, i, new.tx, n)
+    keep(target.ty, i, new.ty, n)
+    keep(target.growth, i, new.growth, n)
+
+
+@jitable
+def place(model, i, n, source, target, x, y, u, v, time):
+    """Store positions and velocities within the walls; the first lane that is insane, or -1."""
+    x, y, u, v = stop_at_plates(model.plates, load(source.x, i), load(source.y, i), x, y, u, v)
+    x, y, u, v = confine(moved_box(model.stroke, model.box, time), x, y, u, v)
+    x, y = wrap(model.constants.period_x, x), wrap(model.constants.period_y, y)
+    store(target.x, i, x, n)
+    store(target.y, i, y, n)
+    store(target.u, i, u, n)
+    store(target.v, i, v, n)
+    return first_true(insane(x, y, u, v) & first_lanes(x, n))
+
+
+@jitable
+def insane(x, y, u, v):
+    """Where a position is no longer finite or a speed absurd."""
+    # not x - x == 0, which reassociation folds to True; nor a negated mask, for plain bools
+    zero, one = like(x, 0.0), like(x, 1.0)
+    slow = select(u * u + v * v < like(u, TOP_SPEED * TOP_SPEED), zero, one)
+    return slow + select(abs(x) + abs(y) < like(x, np.inf), zero, one) > zero
+
+
+# --- The two halves -------------------------------------------------------------------------
+
+# What `end_step` leaves behind: a whole state, or one to be sorted into cells again.
+DONE, MOVED = 0, 1
+
+
+@dispatch
+def begin_step(
+    integrator: Any,
+    first: int,
+    last: int,
+    source: Any,
+    target: Any,
+    walls: Any,
+    lists: Any,
+    model: Any,
+    time: Any,
+    dt: Any,
+) -> Any:
+    """Move particles first to last of `source`, as `target`, from `time` [s] on.
+
+    Returns the first of them that is no longer finite or too fast, or -1.
+    """
+
+
+@dispatch
+def end_step(
+    integrator: Any,
+    first: int,
+    last: int,
+    source: Any,
+    target: Any,
+    walls: Any,
+    lists: Any,
+    model: Any,
+    time: Any,
+    dt: Any,
+) -> Any:
+    """The rest of the step that began at `time`, at positions with fresh densities; returns as
+    `begin_step` does. dt = 0: find out the rates and change nothing.
+    """
+
+
+@begin_step.member(SymplecticEuler)
+def _kick_and_drift(integrator, first, last, source, target, walls, lists, model, time, dt):
+    # the XSPH sum is that of the velocities before the kick, so that one pair loop serves both
+    for k in range(first, last):
+        target.id[k] = source.id[k]
+    i, bad = first, -1
+    continuity = model.effects.continuity
+    while i < last:
+        n = group_size(lists, i, min(width(source.x), last - i))
+        new = rates(i, source, walls, lists, model, time)
+        u, v = load(source.u, i) + dt * new.ax, load(source.v, i) + dt * new.ay
+        x = load(source.x, i) + dt * (u + new.tx)
+        y = load(source.y, i) + dt * (v + new.ty)
+        wrong = place(model, i, n, source, target, x, y, u, v, time + dt)
+        grow(continuity, source, target, i, n, dt * new.growth)
+        if wrong >= 0 and bad < 0:
+            bad = i + wrong
+        i += n
+    return bad
+
+
+@begin_step.member(KickDriftKick)
+def _half_kick_and_drift(integrator, first, last, source, target, walls, lists, model, time, dt):
+    return _move_with_kept_rates(first, last, source, target, model, time, dt, dt * 0.5, dt)
+
+
+@begin_step.member(PredictorCorrector)
+def _predict(integrator, first, last, source, target, walls, lists, model, time, dt):
+    half = dt * 0.5
+    return _move_with_kept_rates(first, last, source, target, model, time, half, half, half)
+
+
+@jitable
+def _move_with_kept_rates(first, last, source, target, model, time, after, kick, drift):
+    """v += a kick, then x += v drift, with the rates of the last evaluation; `after`: [s]."""
+    for k in range(first, last):
+        target.id[k] = source.id[k]
+    bad = -1
+    for i in range(first, last, width(source.x)):
+        n = min(width(source.x), last - i)
+        u, v = load(source.u, i), load(source.v, i)
+        old = kept_rates(source, i, u)
+        u, v = u + kick * old.ax, v + kick * old.ay
+        x = load(source.x, i) + drift * (u + old.tx)
+        y = load(source.y, i) + drift * (v + old.ty)
+        wrong = place(model, i, n, source, target, x, y, u, v, time + after)
+        grow(model.effects.continuity, source, target, i, n, drift * old.growth)
+        keep_rates(target, i, old, n)
+        if wrong >= 0 and bad < 0:
+            bad = i + wrong
+    return bad
+
+
+@end_step.member(KickDriftKick)
+def _half_kick(integrator, first, last, source, target, walls, lists, model, time, dt):
+    i, bad, half = first, -1, dt * 0.5
+    while i < last:
+        n = group_size(lists, i, min(width(source.x), last - i))
+        new = rates(i, source, walls, lists, model, time + dt)
+        x, y = load(source.x, i), load(source.y, i)
+        u, v = load(source.u, i) + half * new.ax, load(source.v, i) + half * new.ay
+        store(target.u, i, u, n)
+        store(target.v, i, v, n)
+        wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
+        # the density went on with the old rate, and gets the mean of both
+        change = half * (new.growth - kept(source.growth, i, u))
+        grow(model.effects.continuity, source, target, i, n, change)
+        keep_rates(target, i, new, n)
+        if wrong >= 0 and bad < 0:
+            bad = i + wrong
+        i += n
+    return bad
+
+
+@end_step.member(PredictorCorrector)
+def _correct(integrator, first, last, source, target, walls, lists, model, time, dt):
+    for k in range(first, last):
+        target.id[k] = source.id[k]
+    i, bad, half = first, -1, dt * 0.5
+    while i < last:
+        n = group_size(lists, i, min(width(source.x), last - i))
+        new = rates(i, source, walls, lists, model, time + half)
+        # the state before the prediction, from the rates that it was made with
+        old = kept_rates(source, i, new.ax)
+        u0, v0 = load(source.u, i), load(source.v, i)
+        x0, y0 = load(source.x, i) - half * (u0 + old.tx), load(source.y, i) - half * (v0 + old.ty)
+        u0, v0 = u0 - half * old.ax, v0 - half * old.ay
+        u, v = u0 + dt * new.ax, v0 + dt * new.ay
+        x = x0 + dt * (like(u, 0.5) * (u0 + u) + new.tx)
+        y = y0 + dt * (like(v, 0.5) * (v0 + v) + new.ty)
+        wrong = place(model, i, n, source, target, x, y, u, v, time + dt)
+        change = dt * new.growth - half * old.growth
+        grow(model.effects.continuity, source, target, i, n, change)
+        keep_rates(target, i, new, n)
+        if wrong >= 0 and bad < 0:
+            bad = i + wrong
+        i += n
+    return bad
+
+
+@dispatch
+def moment(integrator: Any, time: Any, dt: Any) -> Any:
+    """The time [s] of the positions after `begin_step`."""
+
+
+@moment.member(SymplecticEuler)
+@moment.member(KickDriftKick)
+def _at_the_end(integrator, time, dt):
+    return time + dt
+
+
+@moment.member(PredictorCorrector)
+def _in_the_middle(integrator, time, dt):
+    return time + dt * 0.5
+
+
+# --- Taking over what end_step wrote --------------------------------------------------------
+
+
+@dispatch
+def settle(
+    integrator: Any, first: int, last: int, source: Any, target: Any, model: Any
+) -> Any:
+    """Take over into `target` what `end_step` wrote; DONE, or MOVED: to be sorted first."""
+
+
+@settle.member(KickDriftKick)
+def _take_over(integrator, first, last, source, target, model):
+    for i in range(first, last, width(source.x)):
+        n = min(width(source.x), last - i)
+        store(target.u, i, load(source.u, i), n)
+        store(target.v, i, load(source.v, i), n)
+        present = load(source.u, i)
+        keep_rates(target, i, kept_rates(source, i, present), n)
+        _renew_density(model.effects.continuity, source, target, i, n, model.eos)
+    return DONE
+
+
+@jitable
+def _renew_density(continuity, source, target, i, n, eos):
+    if continuity is None:
+        return
+    store_density(target, i, n, load(source.rho, i), eos)
+
+
+@settle.member(PredictorCorrector)
+def _sort_again(integrator, first, last, source, target, model):
+    return MOVED

@@ -1,9 +1,103 @@
-"""Reference data that come with the package, from experiments and exact solutions."""
+"""What a scene is measured against: tables that come with the package, and how to compare.
 
+A scene with a reference has a `REFERENCE` beside its builder: what is observed while it runs, the
+error of the present state, what is judged in the end, and a chart with the reference drawn in.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import resources
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from sph_gym.solver.simulation import Simulation
+
+
+class Measure(NamedTuple):
+    """One result of a run: what, how much, in which unit, and at most how much it may be.
+
+    bound: None where nothing is demanded, as at resolutions that are too coarse for it.
+    """
+
+    quantity: str
+    value: float
+    unit: str
+    bound: float | None = None
+
+
+class Curve(NamedTuple):
+    """A line, or the points of a reference, in a chart."""
+
+    label: str
+    x: ArrayLike
+    y: ArrayLike
+    reference: bool = False
+
+
+class Chart(NamedTuple):
+    """What to draw: labels with units, and curves."""
+
+    x_label: str
+    y_label: str
+    curves: list[Curve]
+
+
+class Run(NamedTuple):
+    """A scene from start to end.
+
+    sim: as it ended; times: (n,) [s] of the observations, the start included; seen: what
+    `Reference.observe` returned at each of them.
+    """
+
+    sim: Simulation
+    times: NDArray[np.float64]
+    seen: list[dict[str, Any]]
+
+    def series(self, name: str) -> NDArray[np.float64]:
+        """(n, ...) the observations of one kind."""
+        return np.array([moment[name] for moment in self.seen])
+
+
+@dataclass(frozen=True)
+class Reference:
+    """How a scene is compared with what should happen.
+
+    source: of the reference. error: of the present state, in `unit`. observe: called at the start
+    and after every frame. judge: the measures of a whole run, the first being the error whose
+    order of convergence is of interest. chart: what to draw of a run, its reference included.
+    resolutions: arguments of the scene, coarse first. quick: how many of them are enough for a
+    first look.
+    """
+
+    source: str
+    unit: str
+    error: Callable[[Simulation], float]
+    observe: Callable[[Simulation], dict[str, Any]]
+    judge: Callable[[Run], list[Measure]]
+    chart: Callable[[Run], Chart]
+    resolutions: tuple[dict[str, Any], ...]
+    quick: int = 1
+
+    def run(self, sim: Simulation, look: Callable[[float], None] = lambda share: None) -> Run:
+        """Run a simulation to the end of its scene; look: told the share that is done.
+
+        Raises RuntimeError if it blows up.
+        """
+        scene = sim.scene
+        times, seen = [sim.time], [self.observe(sim)]
+        while sim.time < scene.duration * (1 - 1e-9):
+            report = sim.advance(min(scene.frame, scene.duration - sim.time))
+            if report.diverged:
+                raise RuntimeError(
+                    f"{scene.name}: blew up at t = {sim.time:g} s: cause {report.cause}, "
+                    f"link {report.link}, particle {report.bad_particle}"
+                )
+            times.append(sim.time)
+            seen.append(self.observe(sim))
+            look(sim.time / scene.duration)
+        return Run(sim, np.array(times), seen)
 
 
 def read(name: str) -> NDArray[np.float64]:
@@ -11,3 +105,9 @@ def read(name: str) -> NDArray[np.float64]:
     with (resources.files("sph_gym.scenes") / "data" / name).open() as file:
         _, *rows = (line for line in file if not line.startswith("#"))
     return np.loadtxt(rows, delimiter=",", ndmin=2)
+
+
+def columns(name: str) -> list[str]:
+    """The names of its columns."""
+    with (resources.files("sph_gym.scenes") / "data" / name).open() as file:
+        return next(line for line in file if not line.startswith("#")).strip().split(",")

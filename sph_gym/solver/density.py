@@ -10,7 +10,17 @@ from sph_gym.solver.equation_of_state import density_at, pressure
 from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import weight
-from sph_gym.solver.lanes import broadcast, like, load, maximum, reciprocal, rsqrt, select, store, width
+from sph_gym.solver.lanes import (
+    broadcast,
+    like,
+    load,
+    maximum,
+    reciprocal,
+    rsqrt,
+    select,
+    store,
+    width,
+)
 from sph_gym.solver.neighbors import (
     BEGIN,
     END,
@@ -98,9 +108,7 @@ def density(continuity, fluid, i, walls, lists, kernel, constants):
     if continuity is None:
         x, y = load(fluid.x, i), load(fluid.y, i)
         begin, end = fluid_range(lists, i, fluid.id.size)
-        total = add_weights(
-            fluid, lists, begin, end, kernel, constants, x, y, like(x, 0.0)
-        )
+        total = add_weights(fluid, lists, begin, end, kernel, constants, x, y, like(x, 0.0))
         begin, end = wall_range(lists, i, count(walls))
         total = add_weights(walls, lists, begin, end, kernel, constants, x, y, total)
         return constants.density_scale * total
@@ -219,9 +227,7 @@ def compute_wall_sums(
             if lists is not None and end > room:
                 return True
             x, y = load(walls.x, i), load(walls.y, i)
-            total = add_weights(
-                walls, lists, begin, end, kernel, constants, x, y, like(x, 0.0)
-            )
+            total = add_weights(walls, lists, begin, end, kernel, constants, x, y, like(x, 0.0))
             store(wall_sums, i, total, n)
             i += n
     return False

@@ -312,9 +312,7 @@ def _in_the_middle(integrator, time, dt):
 
 
 @dispatch
-def settle(
-    integrator: Any, first: int, last: int, source: Any, target: Any, model: Any
-) -> Any:
+def settle(integrator: Any, first: int, last: int, source: Any, target: Any, model: Any) -> Any:
     """Take over into `target` what `end_step` wrote; DONE, or MOVED: to be sorted first."""
 
 

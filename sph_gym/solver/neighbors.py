@@ -180,9 +180,7 @@ def move_if(wanted, source, target, i, k):
 
 
 @jitable
-def sort_into_cells(
-    rank, n_threads, team, grid, source, target, sorting, start, continuity
-):
+def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start, continuity):
     """Copy the state from `source` to `target` in the order of their cells.
 
     A stable counting sort, each thread moving its share. Afterwards cell c holds

@@ -309,18 +309,14 @@ def finish_step(halves, rank, n_threads, world, model, laying, time, dt):
         return True
     fluid, spare, status, team = world.fluid, world.spare, world.status, world.team
     first, last = status[rank, FIRST], status[rank, LAST]
-    bad = end_step(
-        halves, first, last, fluid, spare, world.walls, world.lists, model, time, dt
-    )
+    bad = end_step(halves, first, last, fluid, spare, world.walls, world.lists, model, time, dt)
     status[rank, BAD] = bad
     if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
         return False
     if settle(halves, first, last, spare, fluid, model) == MOVED:
         status[rank, STAGE] = UNSORTED
         # nobody may write to `fluid` while others still settle
-        return meet(team, n_threads) and refresh(
-            rank, n_threads, laying, world, model, time + dt
-        )
+        return meet(team, n_threads) and refresh(rank, n_threads, laying, world, model, time + dt)
     return meet(team, n_threads)
 
 
@@ -356,7 +352,9 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
                 began, step = time, dt * 0
         laying = k == n_substeps or k % LAY_EVERY == 0
         status[rank, STAGE] = todo
-        if not refresh(rank, n_threads, laying, world, model, moment(model.integrator, began, step)):
+        if not refresh(
+            rank, n_threads, laying, world, model, moment(model.integrator, began, step)
+        ):
             return
         if todo != UNSORTED and not finish_step(
             model.halves, rank, n_threads, world, model, laying, began, step

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from sph_gym.scenes.reference import read
 from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
-from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.walls import Walls
 
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from sph_gym.solver.checks import in_range, positive
-from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.geometry import lattice, snap, tank_particles
+from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.walls import Walls
 
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from sph_gym.solver.checks import in_range, positive, whole
-from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.geometry import lattice
+from sph_gym.solver.scene import Effects, Fluid, Scene
 
 
 def relaxation(

@@ -104,7 +104,7 @@ def store_density(particles, i, n, rho, eos):
 
 @jitable
 def density(continuity, fluid, i, walls, lists, kernel, constants):
-    """rho of the group of fluid particle i: as it is where it is a part of the state, else summed."""
+    """rho of the group of particle i: as it is where it is a part of the state, else summed."""
     if continuity is None:
         x, y = load(fluid.x, i), load(fluid.y, i)
         begin, end = fluid_range(lists, i, fluid.id.size)

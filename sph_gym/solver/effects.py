@@ -74,7 +74,7 @@ def add_pressure(stress, pair, ax, ay):
 
 
 class TensileCorrection(NamedTuple):
-    """strength: epsilon, share of a tension that turns to repulsion; inv_weight: 1 / W shape(dx)."""
+    """strength: epsilon, the share of a tension that repels; inv_weight: 1 / W shape(dx)."""
 
     strength: float
     inv_weight: float

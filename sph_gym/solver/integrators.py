@@ -1,9 +1,9 @@
 """How a step goes from rates to the next state: three integrators, chosen at compile time.
 
-Each is a family member of two halves: `begin_step` moves the particles, after which neighbours and
-densities are brought up to date, and `end_step` may evaluate the forces there. All evaluate the
-pair forces once a step. What they need of the last evaluation is kept in the columns of rates,
-which belong to the state: a run that is cut into several calls goes on as if it wasn't.
+Each moves the particles once or twice a step (`move`), after which neighbours and densities are
+brought up to date, and may evaluate the forces there (`end_step`). All evaluate the pair forces
+once a step. What they need of the last evaluation is kept in the columns of rates, which belong to
+the state: a run that is cut into several calls goes on as if it wasn't.
 """
 
 from typing import Any, NamedTuple
@@ -149,51 +149,55 @@ def insane(x, y, u, v):
     return slow + select(abs(x) + abs(y) < like(x, np.inf), zero, one) > zero
 
 
-# --- The two halves -------------------------------------------------------------------------
-
-# What `end_step` leaves behind: a whole state, or one to be sorted into cells again.
-DONE, MOVED = 0, 1
+# --- Moves ----------------------------------------------------------------------------------
 
 
 @dispatch
-def begin_step(
-    integrator: Any,
-    first: int,
-    last: int,
-    source: Any,
-    target: Any,
-    walls: Any,
-    lists: Any,
-    model: Any,
-    time: Any,
-    dt: Any,
-) -> Any:
-    """Move particles first to last of `source`, as `target`, from `time` [s] on.
+def moves(integrator: Any) -> Any:
+    """How often a step moves the particles."""
 
-    Returns the first of them that is no longer finite or too fast, or -1.
-    """
+
+@moves.member(SymplecticEuler)
+@moves.member(KickDriftKick)
+def _one(integrator):
+    return 1
+
+
+@moves.member(PredictorCorrector)
+def _two(integrator):
+    return 2
 
 
 @dispatch
-def end_step(
-    integrator: Any,
-    first: int,
-    last: int,
-    source: Any,
-    target: Any,
-    walls: Any,
-    lists: Any,
-    model: Any,
-    time: Any,
-    dt: Any,
-) -> Any:
-    """The rest of the step that began at `time`, at positions with fresh densities; returns as
-    `begin_step` does. dt = 0: find out the rates and change nothing.
+def evaluates_last(integrator: Any) -> Any:
+    """Whether a step ends with forces instead of a move."""
+
+
+@evaluates_last.member(SymplecticEuler)
+@evaluates_last.member(PredictorCorrector)
+def _moves_last(integrator):
+    return False
+
+
+@evaluates_last.member(KickDriftKick)
+def _kicks_last(integrator):
+    return True
+
+
+@dispatch
+def move(
+    integrator: Any, done: int, first: int, last: int, source: Any, target: Any, walls: Any,
+    lists: Any, model: Any, time: Any, dt: Any,
+) -> Any:  # fmt: skip
+    """The next move, after `done` others, of the step that began at `time` [s].
+
+    Particles first to last of `source` become those of `target`. Returns the first of them that is
+    no longer finite or too fast, or -1.
     """
 
 
-@begin_step.member(SymplecticEuler)
-def _kick_and_drift(integrator, first, last, source, target, walls, lists, model, time, dt):
+@move.member(SymplecticEuler)
+def _kick_and_drift(integrator, done, first, last, source, target, walls, lists, model, time, dt):
     # the XSPH sum is that of the velocities before the kick, so that one pair loop serves both
     for k in range(first, last):
         target.id[k] = source.id[k]
@@ -213,15 +217,21 @@ def _kick_and_drift(integrator, first, last, source, target, walls, lists, model
     return bad
 
 
-@begin_step.member(KickDriftKick)
-def _half_kick_and_drift(integrator, first, last, source, target, walls, lists, model, time, dt):
+@move.member(KickDriftKick)
+def _half_kick_and_drift(
+    integrator, done, first, last, source, target, walls, lists, model, time, dt
+):
     return _move_with_kept_rates(first, last, source, target, model, time, dt, dt * 0.5, dt)
 
 
-@begin_step.member(PredictorCorrector)
-def _predict(integrator, first, last, source, target, walls, lists, model, time, dt):
+@move.member(PredictorCorrector)
+def _predict_or_correct(
+    integrator, done, first, last, source, target, walls, lists, model, time, dt
+):
     half = dt * 0.5
-    return _move_with_kept_rates(first, last, source, target, model, time, half, half, half)
+    if done == 0:
+        return _move_with_kept_rates(first, last, source, target, model, time, half, half, half)
+    return _correct(first, last, source, target, walls, lists, model, time, dt, half)
 
 
 @jitable
@@ -245,32 +255,11 @@ def _move_with_kept_rates(first, last, source, target, model, time, after, kick,
     return bad
 
 
-@end_step.member(KickDriftKick)
-def _half_kick(integrator, first, last, source, target, walls, lists, model, time, dt):
-    i, bad, half = first, -1, dt * 0.5
-    while i < last:
-        n = group_size(lists, i, min(width(source.x), last - i))
-        new = rates(i, source, walls, lists, model, time + dt)
-        x, y = load(source.x, i), load(source.y, i)
-        u, v = load(source.u, i) + half * new.ax, load(source.v, i) + half * new.ay
-        store(target.u, i, u, n)
-        store(target.v, i, v, n)
-        wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
-        # the density went on with the old rate, and gets the mean of both
-        change = half * (new.growth - kept(source.growth, i, u))
-        grow(model.effects.continuity, source, target, i, n, change)
-        keep_rates(target, i, new, n)
-        if wrong >= 0 and bad < 0:
-            bad = i + wrong
-        i += n
-    return bad
-
-
-@end_step.member(PredictorCorrector)
-def _correct(integrator, first, last, source, target, walls, lists, model, time, dt):
+@jitable
+def _correct(first, last, source, target, walls, lists, model, time, dt, half):
     for k in range(first, last):
         target.id[k] = source.id[k]
-    i, bad, half = first, -1, dt * 0.5
+    i, bad = first, -1
     while i < last:
         n = group_size(lists, i, min(width(source.x), last - i))
         new = rates(i, source, walls, lists, model, time + half)
@@ -292,28 +281,44 @@ def _correct(integrator, first, last, source, target, walls, lists, model, time,
     return bad
 
 
+# --- Forces after a move --------------------------------------------------------------------
+
+
 @dispatch
-def moment(integrator: Any, time: Any, dt: Any) -> Any:
-    """The time [s] of the positions after `begin_step`."""
+def end_step(
+    integrator: Any, first: int, last: int, source: Any, target: Any, walls: Any, lists: Any,
+    model: Any, time: Any, dt: Any,
+) -> Any:  # fmt: skip
+    """Evaluate the rates at the end of the step from `time` to `time` + dt [s]; returns as `move`.
 
-
-@moment.member(SymplecticEuler)
-@moment.member(KickDriftKick)
-def _at_the_end(integrator, time, dt):
-    return time + dt
-
-
-@moment.member(PredictorCorrector)
-def _in_the_middle(integrator, time, dt):
-    return time + dt * 0.5
-
-
-# --- Taking over what end_step wrote --------------------------------------------------------
+    dt = 0: nothing but the rates changes.
+    """
 
 
 @dispatch
 def settle(integrator: Any, first: int, last: int, source: Any, target: Any, model: Any) -> Any:
-    """Take over into `target` what `end_step` wrote; DONE, or MOVED: to be sorted first."""
+    """Take over into `target` what `end_step` wrote, when all have done with the old values."""
+
+
+@end_step.member(KickDriftKick)
+def _half_kick(integrator, first, last, source, target, walls, lists, model, time, dt):
+    i, bad, half = first, -1, dt * 0.5
+    while i < last:
+        n = group_size(lists, i, min(width(source.x), last - i))
+        new = rates(i, source, walls, lists, model, time + dt)
+        x, y = load(source.x, i), load(source.y, i)
+        u, v = load(source.u, i) + half * new.ax, load(source.v, i) + half * new.ay
+        store(target.u, i, u, n)
+        store(target.v, i, v, n)
+        wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
+        # the density went on with the old rate, and gets the mean of both
+        change = half * (new.growth - kept(source.growth, i, u))
+        grow(model.effects.continuity, source, target, i, n, change)
+        keep_rates(target, i, new, n)
+        if wrong >= 0 and bad < 0:
+            bad = i + wrong
+        i += n
+    return bad
 
 
 @settle.member(KickDriftKick)
@@ -325,7 +330,6 @@ def _take_over(integrator, first, last, source, target, model):
         present = load(source.u, i)
         keep_rates(target, i, kept_rates(source, i, present), n)
         _renew_density(model.effects.continuity, source, target, i, n, model.eos)
-    return DONE
 
 
 @jitable
@@ -335,6 +339,17 @@ def _renew_density(continuity, source, target, i, n, eos):
     store_density(target, i, n, load(source.rho, i), eos)
 
 
+@end_step.member(PredictorCorrector)
+def _find_rates(integrator, first, last, source, target, walls, lists, model, time, dt):
+    # only where a run begins or a control has changed: a step finds them out on its way
+    i = first
+    while i < last and dt == 0.0:
+        n = group_size(lists, i, min(width(source.x), last - i))
+        keep_rates(source, i, rates(i, source, walls, lists, model, time), n)
+        i += n
+    return -1
+
+
 @settle.member(PredictorCorrector)
-def _sort_again(integrator, first, last, source, target, model):
-    return MOVED
+def _settled(integrator, first, last, source, target, model):
+    return

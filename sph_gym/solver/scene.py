@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sph_gym.solver.checks import finite_array, in_range, known, number, positive
+from sph_gym.solver.checks import finite_array, in_range, known, positive
 from sph_gym.solver.gravity import AnyGravity, Gravity
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import ALL_KERNELS

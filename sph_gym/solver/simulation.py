@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from sph_gym.solver import diagnostics, failure, stepping, teams
 from sph_gym.solver.checks import known, positive, whole
 from sph_gym.solver.engine import Engine
-from sph_gym.solver.model import particle_mass
 from sph_gym.solver.gravity import CentralGravity, Gravity
+from sph_gym.solver.model import particle_mass
 from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.state import Controls
 

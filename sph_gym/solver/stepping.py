@@ -13,7 +13,7 @@ from sph_gym.solver.density import (
 )
 from sph_gym.solver.diagnostics import sum_up
 from sph_gym.solver.effects import PairEffects
-from sph_gym.solver.integrators import MOVED, begin_step, end_step, moment, rates, settle
+from sph_gym.solver.integrators import end_step, evaluates_last, move, moves, rates, settle
 from sph_gym.solver.jit import jit, jitable
 from sph_gym.solver.lanes import store, width
 from sph_gym.solver.neighbors import (
@@ -121,7 +121,7 @@ def sort_all(rank, n_threads, laying, world, model, time):
     stop.
     """
     sorting, team, h = world.sorting, world.team, float(model.constants.h)
-    moved = stroke_moves(model.stroke)
+    moved = is_there(model.stroke)
     if laying or moved:
         if rank == 0:
             moved = move_walls(
@@ -145,11 +145,9 @@ def sort_all(rank, n_threads, laying, world, model, time):
 
 
 @jitable
-def stroke_moves(stroke):
-    """Whether walls move."""
-    if stroke is None:
-        return False
-    return True
+def is_there(part):
+    """Whether a part of the model is not absent; known when this is compiled."""
+    return part is not None
 
 
 @jitable
@@ -206,64 +204,26 @@ def prepare_walls(
 
 
 @jitable
-def prepare_like_fluid(extrapolation, rank, n_threads, world, model, grid):
-    """Densities of boundary particles that are like fluid. Returns whether a list was too short."""
+def compute_like_fluid(
+    extrapolation, rank, n_threads, walls, wall_sums, source_sums, wall_start, fluid, start, grid,
+    lists, kernel, eos, constants, team, moved,
+):  # fmt: skip
+    """Densities of boundary particles that are like fluid. Returns whether a list was too short.
+
+    moved: whether they have, so that there are new sums for all threads to wait for.
+    """
     if extrapolation is None:
         full = prepare_walls(
-            rank, n_threads, world.walls, world.wall_sums, world.source_sums, world.wall_start,
-            grid, world.lists, model.kernel, model.constants,
+            rank, n_threads, walls, wall_sums, source_sums, wall_start, grid, lists, kernel,
+            constants,
         )  # fmt: skip
-        # where walls move there are new sums in every step
-        if stroke_moves(model.stroke) and not meet(world.team, n_threads):
+        if moved and not meet(team, n_threads):
             return full
         return full or compute_wall_density(
-            rank, n_threads, world.walls, world.wall_sums, world.wall_start, world.fluid,
-            world.start, grid, world.lists, model.kernel, model.eos, model.constants,
+            rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid, lists,
+            kernel, eos, constants,
         )  # fmt: skip
     return False
-
-
-@jitable
-def any_extrapolation(extrapolation):
-    """Whether boundary particles wait for the fluid's pressure."""
-    if extrapolation is None:
-        return False
-    return True
-
-
-@jitable
-def refresh(rank, n_threads, laying, world, model, time):
-    """From a moved state in `spare` to one in `fluid` with densities, pressures and lists.
-
-    Returns False if the team was told to stop or a list was too short, which `status` tells.
-    """
-    if not sort_all(rank, n_threads, laying, world, model, time):
-        return False
-    fluid, start, walls, wall_start = world.fluid, world.start, world.walls, world.wall_start
-    lists, status, team = world.lists, world.status, world.team
-    kernel, eos, constants = model.kernel, model.eos, model.constants
-    grid = read_grid(world.sorting.frame)
-    first, last = own_blocks(grid, start, fluid.id.size, width(fluid.x), rank, n_threads)
-    status[rank, FIRST], status[rank, LAST] = first, last
-    full = prepare_like_fluid(model.extrapolation, rank, n_threads, world, model, grid)
-    _, room = own_part(lists, rank, n_threads)
-    end = room
-    if not full:
-        end = compute_fluid_density(
-            rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
-            kernel, eos, constants, model.effects.continuity,
-        )  # fmt: skip
-    status[rank, FULL] = full or end > room
-    if not meet(team, n_threads) or any_full(status, n_threads):
-        return False
-    if any_extrapolation(model.extrapolation):
-        status[rank, FULL] = extrapolate(
-            model.extrapolation, rank, n_threads, end, walls, wall_start, fluid, start, grid,
-            lists, kernel, eos, constants, model.gravity, time,
-        )  # fmt: skip
-        if not meet(team, n_threads) or any_full(status, n_threads):
-            return False
-    return True
 
 
 # --- Steps ----------------------------------------------------------------------------------
@@ -300,23 +260,18 @@ def evaluate_acceleration(i, fluid, walls, lists, model, time, ax, ay):
 
 
 @jitable
-def finish_step(halves, rank, n_threads, world, model, laying, time, dt):
-    """The second half of the step from `time` to `time` + dt [s], where steps have one.
+def finish_step(halves, rank, n_threads, fluid, spare, walls, lists, status, team, model, time, dt):
+    """Evaluate forces after particles have moved, where the integrator does; `time`: of the step.
 
-    Returns False if it failed, a list was too short or the team was told to stop.
+    Returns False if it failed or the team was told to stop.
     """
     if halves is None:
         return True
-    fluid, spare, status, team = world.fluid, world.spare, world.status, world.team
     first, last = status[rank, FIRST], status[rank, LAST]
-    bad = end_step(halves, first, last, fluid, spare, world.walls, world.lists, model, time, dt)
-    status[rank, BAD] = bad
+    status[rank, BAD] = end_step(halves, first, last, fluid, spare, walls, lists, model, time, dt)
     if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
         return False
-    if settle(halves, first, last, spare, fluid, model) == MOVED:
-        status[rank, STAGE] = UNSORTED
-        # nobody may write to `fluid` while others still settle
-        return meet(team, n_threads) and refresh(rank, n_threads, laying, world, model, time + dt)
+    settle(halves, first, last, spare, fluid, model)
     return meet(team, n_threads)
 
 
@@ -324,42 +279,74 @@ def finish_step(halves, rank, n_threads, world, model, laying, time, dt):
 def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
     """n_substeps steps of the whole chain: force, integration, neighbours, density, pressure.
 
-    `world.fluid` holds the state before and after, with densities, pressures and lists; `stale`
-    says what of it is not up to date (see FRESH and the others). When a step fails, `fluid` holds
-    the last finite state, which is that before it or, with integrators of two halves, that within
-    it; when a list was too short, `spare` holds a state for another call with larger lists.
-    `world.status` says so.
+    A step consists of one or two moves of the particles, depending on the integrator, each
+    followed by the rest of the chain. `world.fluid` holds the state before and after, with
+    densities, pressures and lists; `stale` says what of it is not up to date (see FRESH and the
+    others). When a step fails, `fluid` holds the last finite state; when a list was too short,
+    `spare` holds a state for another call with larger lists. `world.status` says so.
     """
-    fluid, spare, status, team = world.fluid, world.spare, world.status, world.team
+    fluid, spare, start = world.fluid, world.spare, world.start
+    walls, wall_start, wall_sums = world.walls, world.wall_start, world.wall_sums
+    lists, status, team = world.lists, world.status, world.team
+    kernel, eos, constants = model.kernel, model.eos, model.constants
     status[rank, STEPS], status[rank, BAD], status[rank, FULL] = 0, -1, 0
-    for k in range(n_substeps + 1):
-        began = time + (k - 1) * float(dt)
-        step, todo = dt, HALFWAY
+    n_moves = moves(model.integrator)
+    # a step that another call began is finished first
+    rest = n_moves - 1 if stale == HALFWAY else 0
+    n_passes = n_substeps * n_moves + rest
+    for k in range(n_passes + 1):
+        # the step before the first may be there in halves
+        step, done = divmod(k - 1 - rest, n_moves)
+        began, length = time + step * float(dt), dt * 1.0
         if k > 0:
             first, last = status[rank, FIRST], status[rank, LAST]
-            bad = begin_step(
-                model.integrator, first, last, fluid, spare, world.walls, world.lists, model,
-                began, dt,
-            )  # fmt: skip
-            status[rank, STEPS], status[rank, BAD] = k, bad
+            bad = move(
+                model.integrator, done, first, last, fluid, spare, walls, lists, model, began, dt
+            )
+            status[rank, STEPS], status[rank, BAD] = step + 1, bad
+            halfway = done + 1 < n_moves or evaluates_last(model.integrator)
+            status[rank, STAGE] = HALFWAY if halfway else UNSORTED
             if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
                 return
+        elif stale == FRESH:
+            continue
         else:
-            todo = stale
-            if stale == FRESH:
-                continue
+            status[rank, STAGE] = stale
             if stale != HALFWAY:
-                began, step = time, dt * 0
-        laying = k == n_substeps or k % LAY_EVERY == 0
-        status[rank, STAGE] = todo
-        if not refresh(
-            rank, n_threads, laying, world, model, moment(model.integrator, began, step)
-        ):
+                began, length = time, dt * 0.0
+        now = began + length * (done + 1) / n_moves
+        laying = k == n_passes or k % LAY_EVERY == 0
+        if not sort_all(rank, n_threads, laying, world, model, now):
             return
-        if todo != UNSORTED and not finish_step(
-            model.halves, rank, n_threads, world, model, laying, began, step
-        ):
+        grid = read_grid(world.sorting.frame)
+        first, last = own_blocks(grid, start, fluid.id.size, width(fluid.x), rank, n_threads)
+        status[rank, FIRST], status[rank, LAST] = first, last
+        full = compute_like_fluid(
+            model.extrapolation, rank, n_threads, walls, wall_sums, world.source_sums, wall_start,
+            fluid, start, grid, lists, kernel, eos, constants, team, is_there(model.stroke),
+        )  # fmt: skip
+        _, room = own_part(lists, rank, n_threads)
+        end = room
+        if not full:
+            end = compute_fluid_density(
+                rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
+                kernel, eos, constants, model.effects.continuity,
+            )  # fmt: skip
+        status[rank, FULL] = full or end > room
+        if not meet(team, n_threads) or any_full(status, n_threads):
+            return
+        if is_there(model.extrapolation):
+            status[rank, FULL] = extrapolate(
+                model.extrapolation, rank, n_threads, end, walls, wall_start, fluid, start, grid,
+                lists, kernel, eos, constants, model.gravity, now,
+            )  # fmt: skip
+            if not meet(team, n_threads) or any_full(status, n_threads):
+                return
+        if status[rank, STAGE] != UNSORTED and done + 1 == n_moves and not finish_step(
+            model.halves, rank, n_threads, fluid, spare, walls, lists, status, team, model,
+            began, length,
+        ):  # fmt: skip
             return
     status[rank, STAGE] = FRESH
     if rank == 0:
-        sum_up(fluid, world.walls, model.extrapolation, model.eos, world.totals)
+        sum_up(fluid, walls, model.extrapolation, eos, world.totals)

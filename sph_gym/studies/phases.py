@@ -5,7 +5,7 @@ Every phase leaves what the next one needs, as it does within a step.
 """
 
 from sph_gym.solver.density import compute_fluid_density, compute_wall_density
-from sph_gym.solver.integrators import begin_step
+from sph_gym.solver.integrators import move
 from sph_gym.solver.jit import jit
 from sph_gym.solver.neighbors import read_grid, sort_into_cells
 
@@ -48,9 +48,9 @@ def fluid_density(world, model, standstill, repeats):
 def force(world, model, standstill, repeats):
     """Forces and integration by a time step `standstill`, 0 in the precision of the particles."""
     for _ in range(repeats):
-        begin_step(
-            model.integrator, 0, world.fluid.id.size, world.fluid, world.spare, world.walls, world.lists,
-            model, 0.0, standstill,
+        move(
+            model.integrator, 0, 0, world.fluid.id.size, world.fluid, world.spare, world.walls,
+            world.lists, model, 0.0, standstill,
         )  # fmt: skip
 
 

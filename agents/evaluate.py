@@ -12,8 +12,7 @@ import pandas as pd
 
 from agents.jobs import run_jobs
 from agents.policies import Policy, Spec, build
-from sph_gym import scenes
-from sph_gym.env import env_id
+from sph_gym.env import SCENES, env_id
 from sph_gym.env.instances import SIZES
 from sph_gym.solver.checks import known
 from sph_gym.studies.table import print_table
@@ -46,7 +45,7 @@ class Args:
 
 def instance_ids(scene: str, split: str, count: int) -> list[str]:
     """The first `count` instances of a split. Raises ValueError for names that don't exist."""
-    known("scene", scene, scenes.names())
+    known("scene", scene, SCENES)
     if split not in SIZES:
         raise ValueError(f"instances: expected one of {', '.join(SIZES)}, got {split!r}")
     if not 1 <= count <= SIZES[split]:

@@ -40,6 +40,7 @@ def _parser() -> argparse.ArgumentParser:
     show = run.add_mutually_exclusive_group()
     show.add_argument("--window", action="store_true", help="watch it; keys are shown there")
     show.add_argument("--video", metavar="PATH", help="film it: .mp4 or .gif")
+    run.add_argument("--save", metavar="PATH", help="record it: .npz, .h5, or .pvd for ParaView")
     study = commands.add_parser("study", help="measure something and print a table")
     study.set_defaults(function=_study)
     study.add_argument("name", help="startup, validation, throughput, effects")
@@ -50,6 +51,8 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument(
         "--peers-python", metavar="PYTHON", default=sys.executable, help="what runs that script"
     )
+    study.add_argument("--scenes", nargs="+", metavar="SCENE", help="validation: only these scenes")
+    study.add_argument("--again", action="store_true", help="validation: anew what was done before")
     study.add_argument("--output", default="runs/studies", help="folder of the CSV file")
     return parser
 
@@ -69,6 +72,7 @@ def _run(options: argparse.Namespace) -> int:
         arrows=options.arrows,
         window=options.window,
         video=options.video,
+        save=options.save,
     )
 
 
@@ -87,7 +91,9 @@ def _study(options: argparse.Namespace) -> int:
     from sph_gym.studies import Peers, run_study
 
     peers = Peers(Path(options.peers), options.peers_python) if options.peers else None
-    return run_study(options.name, quick=options.quick, folder=options.output, peers=peers)
+    return run_study(
+        options.name, options.quick, options.output, peers, options.scenes, options.again
+    )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
-"""Run one scene frame by frame: with a log of densities and pressures, a window, a video."""
+"""Run one scene frame by frame: log densities and pressures, watch it, film it, save it."""
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from sph_gym.solver.checks import positive
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
+from sph_gym.trajectory import Recorder
 from sph_gym.view import Painter, Window, write_video
 
 VIDEO_WIDTH, VIDEO_FPS = 960, 30
@@ -25,23 +27,41 @@ def run(
     arrows: bool = False,
     window: bool = False,
     video: str | None = None,
+    save: str | None = None,
 ) -> int:
     """Run `scene` and show it; returns 1 if it blew up, else 0.
 
     seconds: physical time [s], by default the scene's duration; controls: changes to the nominal
-    ones; n_logged: how many particles to log, spread evenly over the fluid.
+    ones; n_logged: how many particles to log, spread evenly over the fluid; save: where a
+    `Recorder` puts the start and every frame.
     Raises ValueError for wrong values and unknown names.
     """
     sim = Simulation(scene, dtype=dtype, neighbors=neighbors)
     sim.controls = sim.controls._replace(**(controls or {}))
     until = scene.duration if seconds is None else positive("seconds", seconds)
-    frames = _frames(sim, until, n_logged)
+    with nullcontext() if save is None else Recorder(save, sim) as recorder:
+        frames = _frames(sim, until, n_logged, recorder)
+        _show(sim, frames, color, arrows, window, video)
+    if save is not None:
+        print(f"trajectory: {save}")
+    return int(sim.last_report.diverged)
+
+
+def _show(
+    sim: Simulation,
+    frames: Iterator[None],
+    color: str,
+    arrows: bool,
+    window: bool,
+    video: str | None,
+) -> None:
+    """Go through the frames, and film or show them."""
     if video is not None:
-        painter = Painter(scene, size=VIDEO_WIDTH, color=color, arrows=arrows)
-        write_video(video, (painter.paint(sim, title=scene.name) for _ in frames), VIDEO_FPS)
+        painter = Painter(sim.scene, size=VIDEO_WIDTH, color=color, arrows=arrows)
+        write_video(video, (painter.paint(sim, title=sim.scene.name) for _ in frames), VIDEO_FPS)
         print(f"video: {video}")
     elif window:
-        with_keys = Window(scene, color=color, arrows=arrows)
+        with_keys = Window(sim.scene, color=color, arrows=arrows)
         for _ in frames:
             with_keys.show(sim)
             if with_keys.closed:
@@ -50,16 +70,21 @@ def run(
     else:
         for _ in frames:
             pass
-    return int(sim.last_report.diverged)
 
 
-def _frames(sim: Simulation, until: float, n_logged: int) -> Iterator[None]:
-    """Advance frame by frame, log after each; ends at `until` or with a blow-up."""
+def _frames(
+    sim: Simulation, until: float, n_logged: int, recorder: Recorder | None
+) -> Iterator[None]:
+    """Advance frame by frame, log and record after each; ends at `until` or with a blow-up."""
     logged = np.linspace(0, sim.n_fluid - 1, min(max(n_logged, 0), sim.n_fluid)).astype(int)
     print(_heading(logged))
+    if recorder is not None:
+        recorder.record()
     while sim.time < until * (1 - 1e-9):
         report = sim.advance(min(sim.scene.frame, until - sim.time))
         print(_line(sim, report.n_substeps, logged))
+        if recorder is not None:
+            recorder.record()
         yield
         if report.diverged:
             print(

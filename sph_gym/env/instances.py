@@ -15,7 +15,8 @@ from sph_gym.solver.scene import Scene
 
 SIZES = {"nominal": 1, "train": 64, "val": 16, "test": 32}
 
-# Coarse enough that an episode takes a second: some 300 fluid particles.
+# The scenes that are environments, each at a spacing at which an episode takes a second: some 300
+# fluid particles.
 NOMINAL_DX = {
     "dam_break": 0.04,
     "drop_impact": 0.03,

@@ -2,8 +2,9 @@
 
 import gymnasium as gym
 
-from sph_gym import scenes
+from sph_gym.env.instances import NOMINAL_DX
 
+SCENES = tuple(NOMINAL_DX)
 VERSION = "v0"
 
 
@@ -14,7 +15,7 @@ def env_id(scene: str) -> str:
 
 def scene_of(id_: str) -> str:
     """The scene of an id. Raises ValueError that lists the known ids."""
-    known = {env_id(scene): scene for scene in scenes.names()}
+    known = {env_id(scene): scene for scene in SCENES}
     if id_ not in known:
         raise ValueError(f"id: expected one of {', '.join(known)}, got {id_!r}")
     return known[id_]
@@ -23,6 +24,6 @@ def scene_of(id_: str) -> str:
 def register_all() -> None:
     """Register one id per scene, and sph_gym/Custom-v0 for a `scene=` of the user's own."""
     entry_point = "sph_gym.env.tuning:TuningEnv"
-    for scene in scenes.names():
+    for scene in SCENES:
         gym.register(env_id(scene), entry_point=entry_point, kwargs={"scene": scene})
     gym.register(f"sph_gym/Custom-{VERSION}", entry_point=entry_point)

@@ -1,19 +1,20 @@
 """Scenes by name, one short file each: geometry, fluid, and the effects that it calls for."""
 
 import inspect
-from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
-from sph_gym.scenes.dam_break import dam_break
-from sph_gym.scenes.drop_impact import drop_impact
-from sph_gym.scenes.hydrostatic_tank import hydrostatic_tank
-from sph_gym.scenes.relaxation import relaxation
+from sph_gym.scenes.reference import Reference
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 
-_SCENES: dict[str, Callable[..., Scene]] = {
-    scene.__name__: scene for scene in (dam_break, drop_impact, hydrostatic_tank, relaxation)
-}
+# Each is a module of this package, with a function of the same name that builds the scene.
+_SCENES = (
+    "dam_break",
+    "drop_impact",
+    "hydrostatic_tank",
+    "relaxation",
+)
 
 
 def names() -> list[str]:
@@ -43,8 +44,20 @@ def make(name: str, **arguments: Any) -> Scene:
     return builder(**arguments)
 
 
-def _builder(name: str) -> Callable[..., Scene]:
-    return _SCENES[known("name", name, _SCENES)]
+def reference(name: str) -> Reference | None:
+    """What the scene called `name` is compared with; None if nothing is known of its flow.
+
+    Raises ValueError for an unknown name.
+    """
+    return getattr(_module(name), "REFERENCE", None)
 
 
-__all__ = ["make", "names", "parameters"]
+def _module(name: str) -> Any:
+    return import_module(f"sph_gym.scenes.{known('name', name, _SCENES)}")
+
+
+def _builder(name: str) -> Any:
+    return getattr(_module(name), name)
+
+
+__all__ = ["make", "names", "parameters", "reference"]

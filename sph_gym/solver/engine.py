@@ -281,5 +281,5 @@ def _wall_particles(scene: Scene, dtype: Any) -> Particles | None:
 
 
 def _copy(particles: Particles) -> Particles:
-    columns = particles._asdict().items()
-    return Particles(**{k: None if array is None else array.copy() for k, array in columns})
+    present = {name: array for name, array in particles._asdict().items() if array is not None}
+    return particles._replace(**{name: array.copy() for name, array in present.items()})

@@ -381,8 +381,8 @@ def make_plates(walls: Walls | None, dx: float, precision: Any) -> Plates | None
     if walls is None or walls.plates is None:
         return None
     ends = np.asarray(walls.plates).astype(precision)
-    columns = (np.ascontiguousarray(column) for column in ends.T)
-    return Plates(*columns, float(walls.restitution), number("skin", SKIN * dx))
+    x0, y0, x1, y1 = (np.ascontiguousarray(column) for column in ends.T)
+    return Plates(x0, y0, x1, y1, float(walls.restitution), number("skin", SKIN * dx))
 
 
 def make_period(ends: tuple[float, float] | None, precision: Any) -> Period | None:

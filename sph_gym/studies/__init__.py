@@ -1,6 +1,6 @@
 """Studies: commands that measure something, print a table and write it as CSV."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +29,29 @@ def run_study(
     quick: bool = False,
     folder: str | Path = "runs/studies",
     peers: Peers | None = None,
+    chosen: Sequence[str] | None = None,
+    again: bool = False,
 ) -> int:
     """Run a study, print its table, write `folder`/NAME.csv and, on what it ran, NAME.json.
 
     The file grows with every row, so that an interrupted study leaves what it has measured.
+    chosen: scenes to validate; again: validate anew what was validated before.
     Returns 1 if a row misses its bound, else 0. Raises ValueError that lists the known studies,
-    and for `peers` where there is nothing to compare.
+    and for options of another study.
     """
     study = _STUDIES[known("study", name, _STUDIES)]
-    if peers is not None and name != "throughput":
-        raise ValueError(f"--peers: only the throughput study has peers, not {name}")
-    options: dict[str, Any] = {} if peers is None else {"peers": peers}
     place = Path(folder)
+    options: dict[str, Any] = {"folder": place} if name == "validation" else {}
+    for option, value, owner in (
+        ("peers", peers, "throughput"),
+        ("chosen", chosen, "validation"),
+        ("again", again or None, "validation"),
+    ):
+        if value is None:
+            continue
+        if name != owner:
+            raise ValueError(f"{option}: only the {owner} study has it, not {name}")
+        options[option] = value
     rows: list[Row] = []
     machine.write(place / f"{name}.json")
     try:

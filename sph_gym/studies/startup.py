@@ -7,8 +7,8 @@ import sys
 import tempfile
 import time
 
-from sph_gym import scenes
 from sph_gym.env import env_id
+from sph_gym.env.registration import SCENES
 from sph_gym.studies.table import Row
 
 COLD, WARM = 15.0, 1.5
@@ -35,7 +35,7 @@ def _seconds(id_: str, cache: str) -> float:
 def measure(quick: bool) -> list[Row]:
     """Cold: nothing compiled, no reference run on disk. Warm: the median of three runs after it."""
     rows = []
-    for scene in scenes.names()[: 1 if quick else None]:
+    for scene in SCENES[: 1 if quick else None]:
         with tempfile.TemporaryDirectory() as cache:
             cold = _seconds(env_id(scene), cache)
             warm = statistics.median(_seconds(env_id(scene), cache) for _ in range(REPEATS))

@@ -1,87 +1,202 @@
-"""The physics against experiment and against what must be: every scene that has a yardstick."""
+"""The physics against what should happen: every scene that has a reference, at its resolutions.
+
+A finished run is kept as JSON in the study's folder, under a hash of the sources and the run's
+arguments. An interrupted study goes on where it was; nothing stale is taken.
+"""
+
+import hashlib
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+import sph_gym
 from sph_gym import scenes
-from sph_gym.scenes.dam_break import front_error, front_history
-from sph_gym.scenes.hydrostatic_tank import bottom_pressure_error
-from sph_gym.solver.gravity import Gravity
+from sph_gym.scenes.reference import Chart, Curve, Measure
+from sph_gym.solver.checks import known
 from sph_gym.solver.simulation import Simulation
+from sph_gym.studies import gallery
 from sph_gym.studies.table import Row
 
-SHIFTS = np.linspace(0.0, 0.4, 81)
+FOLDER = Path("runs/studies")
 
 
-def measure(quick: bool) -> list[Row]:
-    """All rows; quick: the coarsest resolution that the bounds are meant for."""
-    spacings = (0.02,) if quick else (0.02, 0.0125)
-    rows = [row for dx in spacings for row in dam_break(dx)]
-    return [*rows, *hydrostatic_tank(), *relaxation()]
+class Result(NamedTuple):
+    """A finished run: of which scene with which arguments, what was found, how long it took.
+
+    seconds: wall clock without compilation; work: particle-steps; chart: with its reference.
+    """
+
+    scene: str
+    arguments: dict[str, Any]
+    dx: float
+    measures: list[Measure]
+    chart: Chart
+    seconds: float
+    work: int
+
+    @property
+    def case(self) -> str:
+        """Scene and arguments as text."""
+        given = (f"{name} = {_short(value)}" for name, value in self.arguments.items())
+        return ", ".join([self.scene, *given])
 
 
-def dam_break(dx: float, width: float = 0.5) -> list[Row]:
-    """Surge front against Martin & Moyce 1952, column ratio 2, up to T = 3.3."""
-    scene = scenes.make("dam_break", dx=dx, width=width, height=2 * width)
-    sim = Simulation(scene)
-    density, outside = [], []
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
-    def look(sim: Simulation) -> None:
-        x, y = sim.x[: sim.n_fluid].T
-        density.append(sim.diagnostics()["density_error"])
-        outside.append(max(-y.min(), -x.min(), x.max() - 7 * width, 0.0))
 
-    history = front_history(sim, width, look=look)
-    case = f"dam_break, a/{width / dx:.0f}"
-    best = min(front_error(history, shift) for shift in SHIFTS)
-    return [
-        Row("RMS front error, raw", case, 100 * front_error(history), "%", 9.0),
-        Row("RMS front error, best time shift", case, 100 * best, "%", 4.5),
-        Row("largest mean density error", case, 100 * max(density), "%", 1.0),
-        Row("farthest particle outside the tank", case, float(max(outside)), "m", 0.0),
+def with_reference() -> list[str]:
+    """The scenes that are compared with something."""
+    return [name for name in scenes.names() if scenes.reference(name) is not None]
+
+
+def measure(
+    quick: bool,
+    folder: Path = FOLDER,
+    chosen: Sequence[str] | None = None,
+    again: bool = False,
+) -> Iterator[Row]:
+    """Rows of every scene; quick: the coarsest resolutions only.
+
+    chosen: names of scenes, by default all that have a reference; again: don't take what an
+    earlier run of the study has found. Raises ValueError for a scene without a reference.
+    """
+    names = with_reference()
+    for name in chosen or ():
+        known("scenes", name, names)
+    for name in chosen or names:
+        reference = scenes.reference(name)
+        assert reference is not None
+        resolutions = reference.resolutions[: reference.quick if quick else None]
+        results = []
+        for arguments in resolutions:
+            result = run(name, arguments, folder, again)
+            results.append(result)
+            yield from rows(result)
+        yield from orders(results)
+        gallery.draw(name, reference, results, folder / "validation" / f"{name}.png")
+
+
+def rows(result: Result) -> Iterator[Row]:
+    """What was found in one run."""
+    for found in result.measures:
+        yield Row(found.quantity, result.case, found.value, found.unit, found.bound)
+    yield Row("wall clock", result.case, result.seconds, "s")
+
+
+def orders(results: Sequence[Result]) -> Iterator[Row]:
+    """The order of convergence of the first measure between runs that differ in dx alone."""
+    for coarse, fine in pairwise(results):
+        others = [
+            {name: value for name, value in result.arguments.items() if name != "dx"}
+            for result in (coarse, fine)
+        ]
+        errors = [abs(result.measures[0].value) for result in (coarse, fine)]
+        if others[0] != others[1] or not min(errors) > 0 or coarse.dx == fine.dx:
+            continue
+        order = math.log(errors[0] / errors[1]) / math.log(coarse.dx / fine.dx)
+        case = f"{fine.scene}, dx = {_short(coarse.dx)} to {_short(fine.dx)}"
+        yield Row(f"order of convergence, {fine.measures[0].quantity}", case, order, "")
+
+
+def run(name: str, arguments: dict[str, Any], folder: Path, again: bool = False) -> Result:
+    """One run, from the folder if it is there; with a progress bar."""
+    path = folder / "validation" / f"{name}-{_key(name, arguments)}.json"
+    if path.exists() and not again:
+        return _read(path)
+    reference = scenes.reference(name)
+    assert reference is not None
+    sim = Simulation(scenes.make(name, **arguments))
+    _compile(sim)
+    with _bar(f"{name} {sim.n_fluid} particles") as bar:
+        began, steps = time.perf_counter(), _Steps(sim)
+        ended = reference.run(sim, lambda share: bar.update(round(100 * share) - bar.n))
+        seconds = time.perf_counter() - began
+    result = Result(
+        name, arguments, sim.scene.dx, reference.judge(ended), reference.chart(ended), seconds,
+        steps.n * sim.n_particles,
+    )  # fmt: skip
+    _write(result, path)
+    return result
+
+
+class _Steps:
+    """Counts the substeps of a simulation from now on."""
+
+    def __init__(self, sim: Simulation) -> None:
+        self.n, advance = 0, sim.advance
+
+        def counted(seconds: float) -> Any:
+            report = advance(seconds)
+            self.n += report.n_substeps
+            return report
+
+        sim.advance = counted  # type: ignore[method-assign]
+
+
+def _compile(sim: Simulation) -> None:
+    """So that the first run doesn't pay for all others."""
+    home = sim.snapshot()
+    sim.advance(sim.controls.dt)
+    sim.evaluate()
+    sim.diagnostics()
+    sim.restore(home)
+
+
+def _bar(title: str) -> Any:
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        raise ImportError('studies need more: pip install "sph_gym[studies]"') from None
+    return tqdm(total=100, desc=title, unit="%", leave=False, file=sys.stderr)
+
+
+# --- On disk --------------------------------------------------------------------------------
+
+
+@cache
+def _sources() -> bytes:
+    """Of the solver and the scenes: all that a result depends on."""
+    root = Path(sph_gym.__file__).parent
+    paths = sorted(
+        [*root.glob("solver/*.py"), *root.glob("scenes/*.py"), *root.glob("scenes/data/*")]
+    )
+    return b"".join(path.read_bytes() for path in paths)
+
+
+def _key(name: str, arguments: dict[str, Any]) -> str:
+    digest = hashlib.sha256(_sources())
+    digest.update(json.dumps([name, arguments], sort_keys=True).encode())
+    return digest.hexdigest()[:16]
+
+
+def _write(result: Result, path: Path) -> None:
+    chart = result.chart
+    curves = [
+        [curve.label, np.asarray(curve.x).tolist(), np.asarray(curve.y).tolist(), curve.reference]
+        for curve in chart.curves
     ]
-
-
-def hydrostatic_tank() -> list[Row]:
-    """Pressure at the bottom and what still moves, 5 s after gravity has come on."""
-    sim = Simulation(scenes.make("hydrostatic_tank"))
-    gravity = sim.scene.effects.gravity
-    assert isinstance(gravity, Gravity)
-    kinetic = []
-    while sim.time < gravity.ramp + 5.0 - 1e-9:
-        sim.advance(0.05)
-        kinetic.append(sim.diagnostics()["kinetic_energy"])
-    last, peak = max(kinetic[-20:]), max(kinetic)
-    # frames of the second that begins one second after the ramp
-    then = max(kinetic[-80:-60])
-    error = abs(bottom_pressure_error(sim))
-    return [
-        Row("bottom pressure error", "hydrostatic_tank", 100 * error, "% of rho g H", 3.0),
-        Row("kinetic energy in the last second", "hydrostatic_tank", last / peak, "of peak", 0.1),
-        Row("the same, against the second after", "hydrostatic_tank", last / then, "", 2.0),
+    measures = [
+        [found.quantity, float(found.value), found.unit, found.bound] for found in result.measures
     ]
+    fields = result._replace(measures=measures, chart=[chart.x_label, chart.y_label, curves])  # type: ignore[arg-type]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(".tmp")
+    temporary.write_text(json.dumps(fields._asdict()))
+    temporary.replace(path)
 
 
-def relaxation() -> list[Row]:
-    """The blob in empty space after 2 s."""
-    sim = Simulation(scenes.make("relaxation"))
-    radius = np.hypot(*sim.x.T).max()
-    kinetic = []
-    while sim.time < 2.0 - 1e-9:
-        sim.advance(0.02)
-        kinetic.append(sim.diagnostics()["kinetic_energy"])
-    numbers = sim.diagnostics()
-    change = abs(np.hypot(*sim.x.T).max() / radius - 1)
-    momentum = np.hypot(numbers["momentum_x"], numbers["momentum_y"])
-    return [
-        Row("kinetic energy", "relaxation", kinetic[-1] / max(kinetic), "of peak", 1e-6),
-        Row("change of radius", "relaxation", 100 * float(change), "%", 5.0),
-        Row(
-            "median spacing off dx", "relaxation",
-            100 * abs(numbers["median_spacing"] - 1), "%", 5.0,
-        ),
-        Row(
-            "centre of mass", "relaxation",
-            float(np.hypot(numbers["com_x"], numbers["com_y"])), "m", 1e-12,
-        ),
-        Row("momentum", "relaxation", float(momentum), "kg/s", 1e-12),
-    ]  # fmt: skip
+def _read(path: Path) -> Result:
+    fields = json.loads(path.read_text())
+    x_label, y_label, curves = fields.pop("chart")
+    measures = [Measure(*found) for found in fields.pop("measures")]
+    chart = Chart(x_label, y_label, [Curve(*curve) for curve in curves])
+    return Result(**fields, measures=measures, chart=chart)

@@ -2,6 +2,7 @@ import pytest
 
 from sph_gym import Simulation, scenes
 from sph_gym.controllers import ArticleCfl, Static, TunedCfl, nominal
+from sph_gym.env import SCENES
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def test_the_tuned_rule_follows_the_flow(sim):
     assert rule(sim).dt * c / sim.scene.h < 0.9
 
 
-@pytest.mark.parametrize("scene", scenes.names())
+@pytest.mark.parametrize("scene", SCENES)
 def test_the_tuned_rule_is_stable(scene):
     sim = Simulation(scenes.make(scene, dx=0.05))
     while sim.time < 0.5 * sim.scene.duration:

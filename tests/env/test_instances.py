@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from sph_gym import scenes
-from sph_gym.env import instances
+from sph_gym.env import SCENES, instances
 
 
-@pytest.mark.parametrize("scene", scenes.names())
+@pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("split", instances.SIZES)
 def test_every_instance_makes_a_scene(scene, split):
     for number in range(instances.SIZES[split]):

@@ -10,9 +10,9 @@ from gymnasium.utils.env_checker import check_env
 
 import sph_gym
 from sph_gym import scenes
-from sph_gym.env import env_id, rewards, scene_of
+from sph_gym.env import SCENES, env_id, rewards, scene_of
 
-IDS = [env_id(scene) for scene in scenes.names()]
+IDS = [env_id(scene) for scene in SCENES]
 FLOATS = [
     "time", "dt", "stiffness", "xsph", "n_substeps", "work", "density_error", "clumping",
     "fidelity_error", "blowup", "reward_density", "reward_clumping", "reward_fidelity",
@@ -213,7 +213,7 @@ def test_work_is_counted_in_substeps_of_the_tuned_rule(env):
 
 
 def test_ids_and_scenes_name_each_other():
-    assert [scene_of(id_) for id_ in IDS] == scenes.names()
+    assert [scene_of(id_) for id_ in IDS] == list(SCENES)
     with pytest.raises(ValueError, match="DamBreak"):
         scene_of("sph_gym/Lake-v0")
 

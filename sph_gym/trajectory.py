@@ -1,0 +1,307 @@
+"""Data out: the frames of a run as compressed NumPy, as HDF5, or as VTK that ParaView opens.
+
+.npz, .h5, .hdf5: one file with the same names in all of them, read back by `read`:
+
+- times (n_frames,) [s]; controls (n_frames, 3): dt [s], stiffness [Pa], xsph
+- fields/NAME (n_frames, n_particles[, 2]), fluid first, in the precision of the simulation
+- parameters: JSON text. Dataclasses are objects with their "class"; {"array": NAME} stands for
+  the array NAME of the file; infinity is `Infinity`, as Python's json has it.
+
+.pvd: ParaView's index of times; the frames are beside it in a folder of its name, one .vtu each,
+with vertex cells, vectors of three (z = 0) and everything but `kind` in float64. The folder's
+parameters.json is the text above. Only the index tells which frames belong to the run.
+"""
+
+import dataclasses
+import json
+import os
+import platform
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
+from zipfile import BadZipFile
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.solver.checks import known
+from sph_gym.solver.simulation import Simulation
+
+# What can be recorded, and what it is called in VTK.
+FIELDS = {"x": "position", "v": "velocity", "rho": "density", "p": "pressure", "a": "acceleration"}
+INDEX = """<?xml version="1.0"?>
+<VTKFile type="Collection" version="0.1">
+<Collection>
+{}</Collection>
+</VTKFile>
+"""
+
+Arrays = dict[str, Any]
+Append = Callable[[Arrays], None]
+
+
+class Trajectory(NamedTuple):
+    """A recording: arrays as at the top of this module, and the parameters with theirs in place.
+
+    `parameters["kind"]` (n_particles,) is 0 for fluid and 1 for walls.
+    """
+
+    times: NDArray[np.float64]
+    controls: NDArray[np.float64]
+    fields: dict[str, NDArray[Any]]
+    parameters: dict[str, Any]
+
+
+class Recorder:
+    """Appends the present state of a simulation to a file at every `record`.
+
+    The suffix of `path` chooses the format; fields: names of `FIELDS` (.pvd always has x). Nothing
+    is written before the first frame, then what was there is replaced. HDF5 and VTK are complete
+    after every frame: a crash costs the one in hand. A .npz is held in memory and appears when
+    the recorder closes, also after an exception or Ctrl-C. HDF5 can be read while it is written;
+    if the process is killed, other programs than `read` may ask for `h5clear -s` first.
+
+    Raises ValueError for unknown suffixes and fields, FileNotFoundError if there is no such
+    directory, ImportError that names the extra to install.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        sim: Simulation,
+        fields: Iterable[str] = ("x", "v", "rho", "p"),
+    ) -> None:
+        target, self._sim, self._closed = Path(path), sim, False
+        suffix = known("suffix of path", target.suffix.lower(), _WRITERS)
+        names = ("x", *fields) if suffix == ".pvd" else fields
+        self._fields = [known("fields", name, FIELDS) for name in dict.fromkeys(names)]
+        if not target.parent.is_dir():
+            raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
+        self._file = ExitStack()
+        self._append = self._file.enter_context(_WRITERS[suffix](target, _constants(sim)))
+
+    def record(self) -> None:
+        """Append time, controls and fields as they are now; ValueError once it is closed."""
+        if self._closed:
+            raise ValueError("record: expected an open recorder, this one is closed")
+        frame: Arrays = {f"fields/{name}": getattr(self._sim, name) for name in self._fields}
+        frame["controls"] = np.array(self._sim.controls)
+        frame["times"] = np.float64(self._sim.time)
+        self._append(frame)
+
+    def close(self) -> None:
+        """Finish the file; a second time does nothing."""
+        self._closed = True
+        self._file.close()
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+
+def read(path: str | os.PathLike[str]) -> Trajectory:
+    """What a `Recorder` wrote as .npz, .h5 or .hdf5, up to the last complete frame.
+
+    Raises ValueError for other suffixes and contents, OSError if the file can't be opened,
+    ImportError that names the extra to install.
+    """
+    path = Path(path)
+    stored = _READERS[known("suffix of path", path.suffix.lower(), _READERS)](path)
+    prefix = "fields/"
+    try:
+        parameters = json.loads(
+            stored["parameters"].item(),
+            object_hook=lambda part: stored[part["array"]] if part.keys() == {"array"} else part,
+        )
+        times, controls = stored["times"], stored["controls"]
+    except KeyError as error:
+        raise ValueError(f"path: expected a recording, {str(path)!r} has no {error}") from None
+    fields = {name[len(prefix) :]: stored[name] for name in stored if name.startswith(prefix)}
+    # an interrupted write may have come to some of the columns only
+    n_frames = min(map(len, (times, controls, *fields.values())))
+    fields = {name: column[:n_frames] for name, column in fields.items()}
+    return Trajectory(times[:n_frames], controls[:n_frames], fields, parameters)
+
+
+# --- parameters -----------------------------------------------------------------------------
+
+
+def _constants(sim: Simulation) -> Arrays:
+    """All that doesn't change in a run: the JSON text, and the arrays that it names."""
+    import sph_gym
+
+    parameters = {
+        "scene": sim.scene,
+        "dtype": sim.dtype,
+        "neighbors": sim.neighbors,
+        "mass": sim.mass,
+        "nominal_controls": sim.nominal_controls,
+        "n_fluid": sim.n_fluid,
+        "n_particles": sim.n_particles,
+        "kind": (np.arange(sim.n_particles) >= sim.n_fluid).astype(np.uint8),
+        "sph_gym": sph_gym.__version__,
+        "numpy": np.__version__,
+        "numba": numba.__version__,
+        "python": platform.python_version(),
+    }
+    arrays: Arrays = {}
+    text = json.dumps(_plain(parameters, "arrays", arrays), indent=1)
+    return {"parameters": np.bytes_(text.encode())} | arrays
+
+
+def _plain(value: Any, name: str, arrays: Arrays) -> Any:
+    """`value` in the types of JSON; arrays of numbers go into `arrays`, called like their place."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        parts = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        value = {"class": type(value).__name__} | parts
+    elif hasattr(value, "_asdict"):
+        value = value._asdict()
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
+        arrays[name] = value
+        return {"array": name}
+    elif isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): _plain(part, f"{name}/{key}", arrays) for key, part in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_plain(part, f"{name}/{k}", arrays) for k, part in enumerate(value)]
+    return value if isinstance(value, (bool, int, float, str, type(None))) else repr(value)
+
+
+# --- formats --------------------------------------------------------------------------------
+
+
+def _needed(name: str) -> Any:
+    """The module, or ImportError that names the extra."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise ImportError(
+            f'this format needs {error.name}: pip install "sph_gym[studies]"', name=error.name
+        ) from None
+
+
+@contextmanager
+def _draft(target: Path) -> Iterator[Path]:
+    """A name to write to; it becomes `target` when all went well."""
+    draft = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    try:
+        yield draft
+        os.replace(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def _write_npz(path: Path, constants: Arrays) -> Iterator[Append]:
+    frames: list[Arrays] = []
+    try:
+        yield frames.append
+    finally:
+        if frames:
+            stacked: Arrays = {name: np.stack([f[name] for f in frames]) for name in frames[0]}
+            with _draft(path) as draft, draft.open("wb") as file:
+                np.savez_compressed(file, **(constants | stacked))
+
+
+@contextmanager
+def _write_hdf5(path: Path, constants: Arrays) -> Iterator[Append]:
+    h5py = _needed("h5py")
+    file: Any = None
+    n_frames = 0
+
+    def append(frame: Arrays) -> None:
+        nonlocal file, n_frames
+        if file is None:
+            file = h5py.File(path, "w", libver="v110")
+            _lay_out(file, constants, frame)
+        for name, value in frame.items():
+            file[name].resize(n_frames + 1, axis=0)
+            file[name][n_frames] = value
+        file.flush()
+        n_frames += 1
+
+    try:
+        yield append
+    finally:
+        if file is not None:
+            file.close()
+
+
+def _lay_out(file: Any, constants: Arrays, frame: Arrays) -> None:
+    """Write what stays, and make an empty dataset for everything in a frame."""
+    for name, value in constants.items():
+        file[name] = value
+    for name, value in frame.items():
+        # a compressed chunk must not be written twice: HDF5 wouldn't use its place again
+        packed = name.startswith("fields/")
+        shapes = {
+            "shape": (0, *value.shape),
+            "maxshape": (None, *value.shape),
+            "chunks": (1 if packed else 256, *value.shape),
+        }
+        how = {"compression": "gzip", "shuffle": True} if packed else {}
+        file.create_dataset(name, dtype=value.dtype, **shapes, **how)
+    # flushing alone may leave a frame that is counted but not there (single writer, many readers)
+    file.swmr_mode = True
+
+
+@contextmanager
+def _write_vtk(path: Path, constants: Arrays) -> Iterator[Append]:
+    meshio = _needed("meshio")
+    folder = path.with_suffix("")
+    lines: list[str] = []
+
+    def append(frame: Arrays) -> None:
+        folder.mkdir(exist_ok=True)
+        if not lines:
+            (folder / "parameters.json").write_bytes(constants["parameters"].item())
+        name = f"{len(lines):06d}.vtu"
+        points, data = _points(frame)
+        vertices = np.arange(len(points))[:, None]
+        data["kind"] = constants["arrays/kind"]
+        meshio.Mesh(points, [("vertex", vertices)], point_data=data).write(folder / name)
+        place = quoteattr(f"{folder.name}/{name}")
+        lines.append(f'<DataSet timestep="{float(frame["times"])!r}" file={place}/>\n')
+        with _draft(path) as draft:
+            draft.write_text(INDEX.format("".join(lines)), encoding="utf-8")
+
+    yield append
+
+
+def _points(frame: Arrays) -> tuple[Any, Arrays]:
+    """Positions (n, 3) and the other fields by their names in VTK, vectors as (n, 3)."""
+    data: Arrays = {}
+    for name, title in FIELDS.items():
+        if f"fields/{name}" in frame:
+            column = frame[f"fields/{name}"].astype(np.float64)
+            data[title] = np.pad(column, ((0, 0), (0, 1))) if column.ndim == 2 else column
+    return data.pop(FIELDS["x"]), data
+
+
+def _read_npz(path: Path) -> Arrays:
+    try:
+        # opened here, because numpy wouldn't close what turns out to be no archive
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except (BadZipFile, EOFError) as error:
+        raise ValueError(f"path: expected a recording, got {str(path)!r}: {error}") from None
+
+
+def _read_hdf5(path: Path) -> Arrays:
+    h5py = _needed("h5py")
+    names: list[str] = []
+    # this mode also opens what a killed process left
+    with h5py.File(path, "r", swmr=True) as file:
+        file.visit(names.append)
+        return {name: file[name][()] for name in names if isinstance(file[name], h5py.Dataset)}
+
+
+_WRITERS = {".npz": _write_npz, ".h5": _write_hdf5, ".hdf5": _write_hdf5, ".pvd": _write_vtk}
+_READERS = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5}

@@ -68,7 +68,7 @@ class Engine:
             moves=None if walls is None or not _moving(scene) else scene.walls.moves,  # type: ignore[union-attr]
             wall_start=None if walls is None else np.zeros(n_cells + 1, np.int32),
             wall_sums=None if walls is None else column(n_walls, dtype),
-            source_sums=None if walls is None else column(n_walls, dtype) - 1,
+            source_sums=None if walls is None else self._sum_walls(walls),
             sorting=sorting,
             lists=None if brute else make_lists(n, self._most, per_particle),
             status=np.zeros((self._most, 6), np.int64),
@@ -77,6 +77,16 @@ class Engine:
         )
         self._scene = scene
         self._sort_spare(UNKNOWN)
+
+    def _sum_walls(self, walls: Particles) -> NDArray[Any]:
+        """What boundary particles that are like fluid add to each other's densities, once for all.
+
+        Walls that move sum anew in every step; those with the fluid's pressure need no sum.
+        """
+        sums = column(walls.id.size, self.dtype)
+        if self.model.extrapolation is None:
+            stepping.sum_walls(0, walls, sums, self.model.kernel, self.model.constants)
+        return sums
 
     @property
     def fluid(self) -> Particles:

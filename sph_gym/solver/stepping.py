@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from sph_gym.solver.density import (
     Constants,
     Extrapolation,
+    add_weights,
     compute_fluid_density,
     compute_wall_density,
     compute_wall_sums,
@@ -15,7 +16,7 @@ from sph_gym.solver.diagnostics import sum_up
 from sph_gym.solver.effects import PairEffects
 from sph_gym.solver.integrators import end_step, evaluates_last, move, moves, rates, settle
 from sph_gym.solver.jit import jit, jitable
-from sph_gym.solver.lanes import store, width
+from sph_gym.solver.lanes import like, load, store, width
 from sph_gym.solver.neighbors import (
     Lists,
     Sorting,
@@ -87,9 +88,9 @@ class World(NamedTuple):
     state as the last step left it, or scratch; start, wall_start: (n_cells + 1,) first particle
     of every cell; walls: in the order of the cells; wall_source: in public order; wall_rest: the
     same before they moved, moves: (n,) 1 for those that move; wall_sums, source_sums: kernel sums
-    of wall particles over each other, in the two orders, below 0 while unknown; status:
-    (n_threads, 6) int64, see the constants above; team: flags of the threads; totals: (9,) of the
-    state, see `diagnostics.Totals`.
+    of wall particles over each other, in the two orders; status: (n_threads, 6) int64, see the
+    constants above; team: flags of the threads; totals: (9,) of the state, see
+    `diagnostics.Totals`.
     """
 
     fluid: Particles
@@ -125,8 +126,7 @@ def sort_all(rank, n_threads, laying, world, model, time):
     if laying or moved:
         if rank == 0:
             moved = move_walls(
-                model.stroke, world.wall_source, world.wall_rest, world.moves,
-                world.source_sums, time,
+                model.stroke, world.wall_source, world.wall_rest, world.moves, time
             )  # fmt: skip
             if laying:
                 moved = lay_grid(sorting.frame, world.spare, h, world.start.size - 1) or moved
@@ -151,16 +151,16 @@ def is_there(part):
 
 
 @jitable
-def move_walls(stroke, source, rest, moves, source_sums, time):
+def move_walls(stroke, source, rest, moves, time):
     """Boundary particles to where they are at a time [s]; whether there are any that move."""
     if stroke is None:
         return False
-    _displace(source, rest, moves, source_sums, stroke, time)
+    _displace(source, rest, moves, stroke, time)
     return True
 
 
 @jitable
-def _displace(source, rest, moves, source_sums, stroke, time):
+def _displace(source, rest, moves, stroke, time):
     if source is None:
         return
     x, y, u, v = stroke_at(stroke, time)
@@ -170,7 +170,6 @@ def _displace(source, rest, moves, source_sums, stroke, time):
         source.x[i], source.y[i] = rest.x[i] + share * x, rest.y[i] + share * y
         source.u[i], source.v[i] = rest.u[i] + share * u, rest.v[i] + share * v
         source.ax[i], source.ay[i] = -share * stroke.ax * square, -share * stroke.ay * square
-    source_sums[0] = -1.0
 
 
 @jitable
@@ -188,37 +187,33 @@ def _sort_walls(
 
 
 @jitable
-def prepare_walls(
-    rank, n_threads, walls, wall_sums, source_sums, wall_start, grid, lists, kernel, constants
-):
-    """Find out the walls' sums over each other if they are unknown; True: list too short."""
-    if walls is None or rank > 0 or source_sums[0] >= 0.0:
+def renew_wall_sums(
+    stroke, rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants, team
+):  # fmt: skip
+    """The sums of boundary particles over each other, where these move; True: list too short."""
+    if stroke is None or walls is None:
         return False
-    if compute_wall_sums(
-        rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants
-    ):
-        return True
-    for i in range(walls.id.size):
-        source_sums[walls.id[i]] = wall_sums[i]
-    return False
+    full = False
+    if rank == 0:
+        full = compute_wall_sums(
+            rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants
+        )
+    # a failure at this barrier is found at the next one
+    meet(team, n_threads)
+    return full
 
 
 @jitable
 def compute_like_fluid(
-    extrapolation, rank, n_threads, walls, wall_sums, source_sums, wall_start, fluid, start, grid,
-    lists, kernel, eos, constants, team, moved,
+    extrapolation, stroke, rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid,
+    lists, kernel, eos, constants, team,
 ):  # fmt: skip
-    """Densities of boundary particles that are like fluid. Returns whether a list was too short.
-
-    moved: whether they have, so that there are new sums for all threads to wait for.
-    """
+    """Densities of boundary particles that are like fluid. Returns whether a list was too short."""
     if extrapolation is None:
-        full = prepare_walls(
-            rank, n_threads, walls, wall_sums, source_sums, wall_start, grid, lists, kernel,
-            constants,
+        full = renew_wall_sums(
+            stroke, rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants,
+            team,
         )  # fmt: skip
-        if moved and not meet(team, n_threads):
-            return full
         return full or compute_wall_density(
             rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid, lists,
             kernel, eos, constants,
@@ -245,6 +240,17 @@ def first_bad(status, n_threads):
         if status[t, BAD] >= 0:
             return status[t, BAD]
     return -1
+
+
+@jit
+def sum_walls(i, walls, sums, kernel, constants):
+    """Fill `sums` from i on: kernel sums of boundary particles over each other, by brute force."""
+    while i < walls.id.size:
+        x, y = load(walls.x, i), load(walls.y, i)
+        total = add_weights(walls, None, 0, walls.id.size, kernel, constants, x, y, like(x, 0.0))
+        n = min(width(sums), walls.id.size - i)
+        store(sums, i, total, n)
+        i += n
 
 
 @jit
@@ -322,8 +328,8 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
         first, last = own_blocks(grid, start, fluid.id.size, width(fluid.x), rank, n_threads)
         status[rank, FIRST], status[rank, LAST] = first, last
         full = compute_like_fluid(
-            model.extrapolation, rank, n_threads, walls, wall_sums, world.source_sums, wall_start,
-            fluid, start, grid, lists, kernel, eos, constants, team, is_there(model.stroke),
+            model.extrapolation, model.stroke, rank, n_threads, walls, wall_sums, wall_start,
+            fluid, start, grid, lists, kernel, eos, constants, team,
         )  # fmt: skip
         _, room = own_part(lists, rank, n_threads)
         end = room

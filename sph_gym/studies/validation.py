@@ -45,8 +45,11 @@ class Result(NamedTuple):
     @property
     def case(self) -> str:
         """Scene and arguments as text."""
-        given = (f"{name} = {_short(value)}" for name, value in self.arguments.items())
-        return ", ".join([self.scene, *given])
+        return _case(self.scene, self.arguments)
+
+
+def _case(scene: str, arguments: dict[str, Any]) -> str:
+    return ", ".join([scene, *(f"{name} = {_short(value)}" for name, value in arguments.items())])
 
 
 def _short(value: Any) -> str:
@@ -78,11 +81,17 @@ def measure(
         resolutions = reference.resolutions[: reference.quick if quick else None]
         results = []
         for arguments in resolutions:
-            result = run(name, arguments, folder, again)
+            try:
+                result = run(name, arguments, folder, again)
+            except RuntimeError as error:
+                print(error, file=sys.stderr)
+                yield Row("blow-ups", _case(name, arguments), math.nan, "", 0.0)
+                continue
             results.append(result)
             yield from rows(result)
         yield from orders(results)
-        gallery.draw(name, reference, results, folder / "validation" / f"{name}.png")
+        if results:
+            gallery.draw(name, reference, results, folder / "validation" / f"{name}.png")
 
 
 def rows(result: Result) -> Iterator[Row]:

@@ -131,7 +131,8 @@ def keep_rates(target, i, new, n):
 def place(model, i, n, source, target, x, y, u, v, time):
     """Store positions and velocities within the walls; the first lane that is insane, or -1."""
     x, y, u, v = stop_at_plates(model.plates, load(source.x, i), load(source.y, i), x, y, u, v)
-    x, y, u, v = confine(moved_box(model.stroke, model.box, time), x, y, u, v)
+    box = moved_box(model.stroke, model.box, time)
+    x, y, u, v = confine(box, x, y, u, v)
     x, y = wrap(model.constants.period_x, x), wrap(model.constants.period_y, y)
     store(target.x, i, x, n)
     store(target.y, i, y, n)

@@ -10,9 +10,18 @@ from sph_gym.solver.scene import Effects, Scene
 from sph_gym.solver.walls import Walls
 
 # Effects of the whole fluid and what is added where a scene doesn't name them; alpha, then nu in
-# h c0, far inside what the time step allows.
-ALPHA, NU = 0.02, 1e-3
-UNIFORM = ("artificial_viscosity", "laminar_viscosity", "xsph", "gravity")
+# h c0 and sigma in rho0 c0^2 h, far inside what the time step allows.
+ALPHA, NU, SIGMA = 0.02, 1e-3, 1e-4
+UNIFORM = (
+    "artificial_viscosity",
+    "laminar_viscosity",
+    "quadratic_viscosity",
+    "tensile_correction",
+    "surface_tension",
+    "shifting",
+    "xsph",
+    "gravity",
+)
 EFFECTS = (*UNIFORM, "box", "walls")
 
 
@@ -51,6 +60,10 @@ def added(scene: Scene, effect: str) -> Scene:
     values: dict[str, Any] = {
         "artificial_viscosity": ALPHA,
         "laminar_viscosity": NU * scene.h * scene.fluid.c0,
+        "quadratic_viscosity": 2 * ALPHA,
+        "tensile_correction": 0.2,
+        "surface_tension": SIGMA * scene.fluid.rho0 * scene.fluid.c0**2 * scene.h,
+        "shifting": 1.0,
         "xsph": True,
         "gravity": (0.0, -9.81),
     }

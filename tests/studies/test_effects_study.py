@@ -17,19 +17,22 @@ from sph_gym.studies.cutting import copy_without
 
 # What is left of each effect's code nowhere in the files of the step.
 CODE = {
-    "artificial_viscosity": ("add_artificial_viscosity", "inv_rho_r2: Any"),
-    "laminar_viscosity": ("add_laminar_viscosity", "viscosity: Any"),
-    "xsph": ("add_xsph", "smoothed(", "sx", "weight: Any"),
+    "artificial_viscosity": ("add_artificial_viscosity",),
+    "laminar_viscosity": ("add_laminar_viscosity",),
+    "quadratic_viscosity": ("add_quadratic_viscosity", "density_sum: Any"),
+    "tensile_correction": ("add_tensile_correction", "stress_i: Any"),
+    "surface_tension": ("add_surface_tension",),
+    "shifting": ("def add_crowding", "def add_shift", "cx: Any"),
+    "xsph": ("add_xsph", "add_smoothing", "sx: Any"),
     "gravity": ("def add_gravity(effect", "add_gravity(model"),
     "box": ("confine",),
     "walls": (
-        "= compute_wall_density(",
         "or compute_wall_density(",
-        "prepare_walls",
+        "sort_into_cells(rank, n_threads, team, grid, source, walls",
         "add_forces(target, walls",
     ),
 }
-STEP = ("effects.py", "forces.py", "stepping.py")
+STEP = ("effects.py", "density.py", "forces.py", "integrators.py", "stepping.py")
 
 STEPS = """
 import hashlib, json, sys

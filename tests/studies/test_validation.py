@@ -159,5 +159,5 @@ def test_a_blow_up_fails_its_row_and_not_the_study(planted, tmp_path, monkeypatc
 def test_a_run_to_a_blow_up_names_time_and_cause(planted):
     scene = scenes.make("relaxation", dx=0.08, diameter=0.3)
     violent = np.random.default_rng(0).normal(0.0, 1e5, np.shape(scene.x))
-    with pytest.raises(RuntimeError, match="relaxation: blew up at t = .* cause"):
+    with pytest.raises(RuntimeError, match=r"relaxation: blew up at t = .* cause"):
         scenes.reference("relaxation").run(Simulation(replace(scene, v=violent)))

@@ -25,7 +25,7 @@ CODE = {
     "shifting": ("def add_crowding", "def add_shift", "cx: Any"),
     "xsph": ("add_xsph", "add_smoothing", "sx: Any"),
     "gravity": ("def add_gravity(effect", "add_gravity(model"),
-    "box": ("confine",),
+    "box": ("confine(",),
     "walls": (
         "or compute_wall_density(",
         "sort_into_cells(rank, n_threads, team, grid, source, walls",

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
-from sph_gym.solver.stepping import VISCOUS
 
 Controller = Callable[[Simulation], Controls]
 
@@ -62,7 +61,7 @@ class TunedCfl:
         alpha = scene.effects.artificial_viscosity or 0.0
         # the continuum's nu is alpha c0 h / 8, but the shortest waves feel twice as much
         nu += alpha * scene.fluid.c0 * h / 4
-        dt = 1 / (c / (self.courant * h) + nu / (VISCOUS * h * h))
+        dt = 1 / (c / (self.courant * h) + nu / (scene.viscous_share * h * h))
         return Controls(dt, scene.fluid.stiffness(c), sim.nominal_controls.xsph)
 
 

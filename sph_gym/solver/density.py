@@ -1,7 +1,8 @@
 """Density and pressure of fluid and walls, and the lists of neighbours that they find on the way.
 
-Fluid: the kernel sum over everybody, or a density that the step has already brought up to date
-(continuity). Boundary particles: a kernel sum as well, or the pressure of the fluid around them.
+Fluid: the kernel sum over everybody, and an offset of each particle where densities follow the
+continuity equation. Boundary particles: a kernel sum as well, or the pressure of the fluid around
+them.
 """
 
 from typing import Any, NamedTuple
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 from sph_gym.solver.equation_of_state import density_at, pressure
 from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import jitable
-from sph_gym.solver.kernels import weight
+from sph_gym.solver.kernels import primitive, weight
 from sph_gym.solver.lanes import (
     broadcast,
     like,
@@ -80,7 +81,23 @@ class Ghosts(NamedTuple):
 
 
 @jitable
-def add_weights(sources, lists, first, last, kernel, constants, x, y, total):
+def shape(continuity, kernel, r2, r):
+    """What is summed: W, or what the pressure's gradient is the derivative of."""
+    if continuity is None:
+        return weight(kernel, r2, r)
+    return primitive(kernel, r2, r)
+
+
+@jitable
+def shape_scale(continuity, constants):
+    """What a sum of shapes is multiplied by."""
+    if continuity is None:
+        return constants.density_scale
+    return continuity.scale
+
+
+@jitable
+def add_weights(continuity, sources, lists, first, last, kernel, constants, x, y, total):
     """total + sum of W shapes between (x, y) and the listed `sources`, itself if it is one."""
     if sources is None:
         return total
@@ -91,7 +108,7 @@ def add_weights(sources, lists, first, last, kernel, constants, x, y, total):
         dy = nearest_image(constants.period_y, y - broadcast(sources.y, j))
         r2 = dx * dx + dy * dy
         r = r2 * rsqrt(r2 + like(r2, COINCIDENT))
-        total += select(r2 < kernel.h2, weight(kernel, r2, r), zero)
+        total += select(r2 < kernel.h2, shape(continuity, kernel, r2, r), zero)
     return total
 
 
@@ -104,15 +121,21 @@ def store_density(particles, i, n, rho, eos):
 
 @jitable
 def density(continuity, fluid, i, walls, lists, kernel, constants):
-    """rho of the group of particle i: as it is where it is a part of the state, else summed."""
-    if continuity is None:
-        x, y = load(fluid.x, i), load(fluid.y, i)
-        begin, end = fluid_range(lists, i, fluid.id.size)
-        total = add_weights(fluid, lists, begin, end, kernel, constants, x, y, like(x, 0.0))
-        begin, end = wall_range(lists, i, count(walls))
-        total = add_weights(walls, lists, begin, end, kernel, constants, x, y, total)
-        return constants.density_scale * total
-    return load(fluid.rho, i)
+    """rho of the group of fluid particle i: the sum over everybody, and its offset."""
+    x, y = load(fluid.x, i), load(fluid.y, i)
+    begin, end = fluid_range(lists, i, fluid.id.size)
+    total = add_weights(continuity, fluid, lists, begin, end, kernel, constants, x, y, like(x, 0.0))
+    begin, end = wall_range(lists, i, count(walls))
+    total = add_weights(continuity, walls, lists, begin, end, kernel, constants, x, y, total)
+    return add_offset(fluid.offset, i, shape_scale(continuity, constants) * total)
+
+
+@jitable
+def add_offset(offset, i, rho):
+    """rho, and the column `offset` where there is one."""
+    if offset is None:
+        return rho
+    return rho + load(offset, i)
 
 
 @jitable
@@ -201,7 +224,7 @@ def compute_wall_density(
             if lists is not None and end > room:
                 return True
             x, y, total = load(walls.x, i), load(walls.y, i), load(wall_sums, i)
-            total = add_weights(fluid, lists, begin, end, kernel, constants, x, y, total)
+            total = add_weights(None, fluid, lists, begin, end, kernel, constants, x, y, total)
             store_density(walls, i, n, constants.density_scale * total, eos)
             i += n
     return False
@@ -227,7 +250,9 @@ def compute_wall_sums(
             if lists is not None and end > room:
                 return True
             x, y = load(walls.x, i), load(walls.y, i)
-            total = add_weights(walls, lists, begin, end, kernel, constants, x, y, like(x, 0.0))
+            total = add_weights(
+                None, walls, lists, begin, end, kernel, constants, x, y, like(x, 0.0)
+            )
             store(wall_sums, i, total, n)
             i += n
     return False

@@ -45,7 +45,8 @@ class Sums(NamedTuple):
     """What particle i collects.
 
     ax, ay: acceleration / (m gradient_scale); sx, sy: XSPH sum / (2 eps m weight_scale); growth:
-    d rho/dt / (m gradient_scale); cx, cy: - grad C / (2 m gradient_scale), see `add_crowding`.
+    d rho/dt by diffusion / (m gradient_scale); cx, cy: - grad C / (2 m gradient_scale), see
+    `add_crowding`.
     """
 
     ax: Any
@@ -285,7 +286,16 @@ def add_shift(effect, sums, tx, ty):
 
 
 class Continuity(NamedTuple):
-    """Density is a part of the state; it grows where particles approach."""
+    """Densities begin at rho0 and grow where particles approach. scale: m primitive_scale.
+
+    The growth sum m (v_i - v_j) . grad W is the time derivative of sum m W, so that it needs no
+    integration: rho(t) = rho0 + sum m W(t) - sum m W(0), where all but sum m W(t) is an offset
+    that a particle keeps. In exact time, forces are then the derivative of one energy; summed up
+    step by step from old velocities, densities would drive every sound wave.
+    Source: Monaghan 1992, eq. 2.18.
+    """
+
+    scale: float
 
 
 class DensityDiffusion(NamedTuple):
@@ -294,17 +304,6 @@ class DensityDiffusion(NamedTuple):
     strength: float
     hydro_x: float
     hydro_y: float
-
-
-@jitable
-def add_growth(effect, pair, growth):
-    """d rho/dt = sum m (v_i - v_j) . grad W, whose pressure force is `add_pressure`.
-
-    Source: Monaghan 1992, eq. 2.18.
-    """
-    if effect is None:
-        return growth
-    return growth - pair.gradient * (pair.du * pair.dx + pair.dv * pair.dy)
 
 
 @jitable

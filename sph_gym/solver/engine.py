@@ -49,10 +49,9 @@ class Engine:
         self._pace = teams.Pace()
         self._records: dict[str, tuple[Any, Any]] = {}
         self.model = make_model(scene, controls, mass, dtype)
-        more = _kept_rates(scene)
+        more = (*_kept_rates(scene), *(("offset",) if scene.effects.continuity else ()))
         fluid = allocate_particles(scene.x, scene.v, dtype, more)  # type: ignore[arg-type]
-        fluid.rho[:n] = scene.fluid.rho0
-        self.state_columns = (*STATE, *(("rho",) if scene.effects.continuity else ()), *more)
+        self.state_columns = (*STATE, *more)
         walls = _wall_particles(scene, dtype)
         n_walls = 0 if walls is None else walls.id.size
         sorting = make_sorting(n, n_walls, brute, self._most)
@@ -77,6 +76,9 @@ class Engine:
         )
         self._scene = scene
         self._sort_spare(UNKNOWN)
+        if scene.effects.continuity:
+            self.fluid.offset[:n] = scene.fluid.rho0 - self.fluid.rho[:n]
+            self.renew(0.0)
 
     def _sum_walls(self, walls: Particles) -> NDArray[Any]:
         """What boundary particles that are like fluid add to each other's densities, once for all.
@@ -272,7 +274,7 @@ def _kept_rates(scene: Scene) -> tuple[str, ...]:
         "ax",
         "ay",
         *(("tx", "ty") if drifts else ()),
-        *(("growth",) if scene.effects.continuity else ()),
+        *(("growth",) if scene.effects.density_diffusion is not None else ()),
     )
 
 

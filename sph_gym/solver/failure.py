@@ -9,8 +9,8 @@ from sph_gym.solver.walls import make_period, nearest_image
 
 # Beyond this multiple of h/c symplectic Euler amplifies the shortest waves.
 LINEAR_COURANT = 0.9
-# And beyond this one of h^2/nu the shortest shear waves.
-LINEAR_VISCOUS = 0.145
+# And beyond this multiple of the viscous limit the shortest shear waves.
+LINEAR_VISCOUS = 1.16
 # Closer than this share of dx, two particles are one; so close to a wall particle, one is inside.
 MERGED, INSIDE = 0.05, 0.4
 
@@ -73,7 +73,7 @@ def cause(scene: Scene, dt: float, c: float, link: str, nearest: float) -> str:
     dt [s], c: sound speed at the present stiffness [m/s]; nearest: smallest spacing / dx.
     """
     nu = scene.effects.laminar_viscosity
-    too_viscous = nu is not None and dt * nu > LINEAR_VISCOUS * scene.h**2
+    too_viscous = nu is not None and dt * nu > LINEAR_VISCOUS * scene.viscous_share * scene.h**2
     too_long = dt * c > LINEAR_COURANT * scene.h
     too_long_at_c0 = dt * scene.fluid.c0 > LINEAR_COURANT * scene.h
     if too_viscous or (too_long and too_long_at_c0):

@@ -14,7 +14,6 @@ from sph_gym.solver.effects import (
     add_artificial_viscosity,
     add_crowding,
     add_density_diffusion,
-    add_growth,
     add_laminar_viscosity,
     add_pressure,
     add_quadratic_viscosity,
@@ -88,8 +87,7 @@ def add_pair(target, sources, j, kernel, constants, effects, sums):
     ax, ay = add_laminar_viscosity(effects.laminar_viscosity, pair, ax, ay)
     ax, ay = add_surface_tension(effects.surface_tension, pair, ax, ay)
     sx, sy = add_xsph(effects.xsph, pair, sums.sx, sums.sy)
-    growth = add_growth(effects.continuity, pair, sums.growth)
-    growth = add_density_diffusion(effects.density_diffusion, pair, growth)
+    growth = add_density_diffusion(effects.density_diffusion, pair, sums.growth)
     cx, cy = add_crowding(effects.shifting, pair, sums.cx, sums.cy)
     return Sums(ax, ay, sx, sy, growth, cx, cy)
 

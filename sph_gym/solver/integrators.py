@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.solver.density import store_density
 from sph_gym.solver.effects import add_shift, add_smoothing
 from sph_gym.solver.forces import force_sums
 from sph_gym.solver.gravity import add_gravity
@@ -30,8 +29,8 @@ class SymplecticEuler(NamedTuple):
 class KickDriftKick(NamedTuple):
     """v += a dt/2, x += v dt, then v += a dt/2 with the new a: second order, symplectic.
 
-    Also called velocity Verlet. Forces that depend on velocities see those of the half step; a
-    density by continuity follows the mean of its rates at both ends. Source: Swope et al. 1982.
+    Also called velocity Verlet. Forces that depend on velocities see those of the half step.
+    Source: Swope et al. 1982.
     """
 
 
@@ -54,7 +53,8 @@ class Rates(NamedTuple):
     """What a group of particles feels.
 
     ax, ay: acceleration [m/s^2]; tx, ty: what is added to the velocity that moves them [m/s];
-    growth: d rho/dt [kg/(m^3 s)].
+    growth: d rho/dt by diffusion
+    [kg/(m^3 s)].
     """
 
     ax: Any
@@ -98,11 +98,11 @@ def keep(column, i, value, n):
 
 
 @jitable
-def grow(continuity, source, target, i, n, change):
-    """Store the density that `change` [kg/m^3] leads to, where it is a part of the state."""
-    if continuity is None:
+def grow(old, new, i, n, change):
+    """Store the offset of densities that `change` [kg/m^3] leads to, where there is one."""
+    if old is None:
         return
-    store(target.rho, i, load(source.rho, i) + change, n)
+    store(new, i, load(old, i) + change, n)
 
 
 @jitable
@@ -203,7 +203,6 @@ def _kick_and_drift(integrator, done, first, last, source, target, walls, lists,
     for k in range(first, last):
         target.id[k] = source.id[k]
     i, bad = first, -1
-    continuity = model.effects.continuity
     while i < last:
         n = group_size(lists, i, min(width(source.x), last - i))
         new = rates(i, source, walls, lists, model, time)
@@ -211,7 +210,7 @@ def _kick_and_drift(integrator, done, first, last, source, target, walls, lists,
         x = load(source.x, i) + dt * (u + new.tx)
         y = load(source.y, i) + dt * (v + new.ty)
         wrong = place(model, i, n, source, target, x, y, u, v, time + dt)
-        grow(continuity, source, target, i, n, dt * new.growth)
+        grow(source.offset, target.offset, i, n, dt * new.growth)
         if wrong >= 0 and bad < 0:
             bad = i + wrong
         i += n
@@ -249,7 +248,7 @@ def _move_with_kept_rates(first, last, source, target, model, time, after, kick,
         x = load(source.x, i) + drift * (u + old.tx)
         y = load(source.y, i) + drift * (v + old.ty)
         wrong = place(model, i, n, source, target, x, y, u, v, time + after)
-        grow(model.effects.continuity, source, target, i, n, drift * old.growth)
+        grow(source.offset, target.offset, i, n, drift * old.growth)
         keep_rates(target, i, old, n)
         if wrong >= 0 and bad < 0:
             bad = i + wrong
@@ -274,7 +273,7 @@ def _correct(first, last, source, target, walls, lists, model, time, dt, half):
         y = y0 + dt * (like(v, 0.5) * (v0 + v) + new.ty)
         wrong = place(model, i, n, source, target, x, y, u, v, time + dt)
         change = dt * new.growth - half * old.growth
-        grow(model.effects.continuity, source, target, i, n, change)
+        grow(source.offset, target.offset, i, n, change)
         keep_rates(target, i, new, n)
         if wrong >= 0 and bad < 0:
             bad = i + wrong
@@ -312,9 +311,6 @@ def _half_kick(integrator, first, last, source, target, walls, lists, model, tim
         store(target.u, i, u, n)
         store(target.v, i, v, n)
         wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
-        # the density went on with the old rate, and gets the mean of both
-        change = half * (new.growth - kept(source.growth, i, u))
-        grow(model.effects.continuity, source, target, i, n, change)
         keep_rates(target, i, new, n)
         if wrong >= 0 and bad < 0:
             bad = i + wrong
@@ -330,14 +326,6 @@ def _take_over(integrator, first, last, source, target, model):
         store(target.v, i, load(source.v, i), n)
         present = load(source.u, i)
         keep_rates(target, i, kept_rates(source, i, present), n)
-        _renew_density(model.effects.continuity, source, target, i, n, model.eos)
-
-
-@jitable
-def _renew_density(continuity, source, target, i, n, eos):
-    if continuity is None:
-        return
-    store_density(target, i, n, load(source.rho, i), eos)
 
 
 @end_step.member(PredictorCorrector)

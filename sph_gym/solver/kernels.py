@@ -125,6 +125,11 @@ def weight(kernel: Any, r2: Any, r: Any) -> Any:
 
 
 @dispatch
+def primitive(kernel: Any, r2: Any, r: Any) -> Any:
+    """Shape whose derivative is `gradient`: that of W, where the pair is matched."""
+
+
+@dispatch
 def gradient(kernel: Any, r2: Any, r: Any, inv_r: Any) -> Any:
     """Shape of -(dW/dr)/r at distance r; positive, so that pressure pushes apart."""
 
@@ -136,6 +141,7 @@ def viscosity(kernel: Any, r2: Any, r: Any) -> Any:
 
 @weight.member(Mueller)
 @weight.member(Poly6Pair)
+@primitive.member(Poly6Pair)
 def _poly6(kernel, r2, r):
     t = kernel.h2 - r2
     return t * t * t
@@ -156,6 +162,7 @@ def _mueller_viscosity(kernel, r2, r):
 
 
 @weight.member(WendlandC2)
+@primitive.member(WendlandC2)
 def _wendland(kernel, r2, r):
     t = kernel.h - r
     return t * t * (t * t) * (kernel.quarter_h + r)
@@ -174,12 +181,15 @@ def _wendland_viscosity(kernel, r2, r):
 
 
 @weight.member(Spiky)
+@primitive.member(Spiky)
+@primitive.member(Mueller)
 def _spiky_weight(kernel, r2, r):
     t = kernel.h - r
     return t * t * t
 
 
 @weight.member(CubicSpline)
+@primitive.member(CubicSpline)
 def _cubic(kernel, r2, r):
     t, u = kernel.h - r, maximum(kernel.half_h - r, like(r, 0.0))
     return t * t * t - like(r, 4.0) * (u * u * u)
@@ -193,6 +203,7 @@ def _cubic_gradient(kernel, r2, r, inv_r):
 
 
 @weight.member(QuinticSpline)
+@primitive.member(QuinticSpline)
 def _quintic(kernel, r2, r):
     t, zero = kernel.h - r, like(r, 0.0)
     u, v = maximum(kernel.two_thirds_h - r, zero), maximum(kernel.third_h - r, zero)
@@ -314,11 +325,33 @@ MATCHED: frozenset[str] = frozenset(
 def density_kernel(kernel: Any, r: np.ndarray) -> np.ndarray:
     """W(r) [1/m^2] with its constant and its cut at h, for any array of distances [m]."""
     r = np.asarray(r, dtype=np.float64)
-    density, inside = np.zeros(r.shape), r < kernel.h
-    # one by one: shapes are written for lanes, which NumPy's arrays are not
-    shapes = [weight(kernel, one * one, one) for one in r[inside]]
-    density[inside] = kernel.weight_scale * np.array(shapes)
-    return density
+    return np.where(r < kernel.h, kernel.weight_scale * weight(kernel, r * r, r), 0.0)
+
+
+def primitive_scale(kernel: Any) -> float:
+    """The constant in front of `primitive`, that belongs to `gradient_scale`."""
+    if isinstance(kernel, Mueller):
+        return float(kernel.gradient_scale / 3)
+    return float(kernel.weight_scale)
+
+
+def viscous_share(kernel: Any, form: str) -> float:
+    """The step that a kinematic viscosity nu allows, as a share of h^2 / nu; form: of viscosity.
+
+    The shortest waves decay at the rate nu times the integral of the Laplacian weight, and Euler
+    diverges beyond two over that. Five sixths of it, which for Mueller's is Morris' 0.125; from
+    0.047 (quintic spline) to 0.125.
+    """
+    points, parts = np.polynomial.legendre.leggauss(40)
+    total = 0.0
+    for part, r in zip(parts, (points + 1) * kernel.h / 2, strict=True):
+        if form == "morris":
+            softened = r * r / (r * r + 0.01 * kernel.h2)
+            w = 2 * kernel.gradient_scale * gradient(kernel, r * r, r, 1 / r) * softened
+        else:
+            w = kernel.viscosity_scale * viscosity(kernel, r * r, r)
+        total += part * w * math.pi * r * kernel.h
+    return float(2 * (5 / 6) / (total * kernel.h2))
 
 
 def calibrated_mass(kernel: Any, rho0: float, dx: float) -> float:

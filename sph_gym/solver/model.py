@@ -21,7 +21,7 @@ from sph_gym.solver.effects import (
 )
 from sph_gym.solver.equation_of_state import make_eos
 from sph_gym.solver.integrators import INTEGRATORS, TWO_HALVES
-from sph_gym.solver.kernels import ALL_KERNELS, calibrated_mass, weight
+from sph_gym.solver.kernels import ALL_KERNELS, calibrated_mass, primitive_scale, weight
 from sph_gym.solver.neighbors import WIDEST_GROUP
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
@@ -114,7 +114,7 @@ def _pair_effects(scene: Scene, mass: float, number: Any) -> PairEffects:
     force_scale = mass * kernel.gradient_scale
     effects = PairEffects(
         xsph=Xsph(number(0.0)) if named.xsph else None,
-        continuity=Continuity() if named.continuity else None,
+        continuity=Continuity(number(mass * primitive_scale(kernel))) if named.continuity else None,
     )
     if named.artificial_viscosity is not None:
         strength = ArtificialViscosity(number(2 * named.artificial_viscosity * c0 * h))

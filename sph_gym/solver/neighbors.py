@@ -172,20 +172,11 @@ def move(source, target, i, k):
 
 
 @jitable
-def move_if(wanted, source, target, i, k):
-    """The same, unless `wanted` is None."""
-    if wanted is None:
-        return
-    target[k] = source[i]
-
-
-@jitable
-def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start, continuity):
+def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start):
     """Copy the state from `source` to `target` in the order of their cells.
 
     A stable counting sort, each thread moving its share. Afterwards cell c holds
-    target[start[c]:start[c + 1]]. Densities are moved where `continuity` makes them a part of the
-    state. Returns False if the team was told to stop.
+    target[start[c]:start[c + 1]]. Returns False if the team was told to stop.
     """
     n_cells = count_cells(grid)
     counts, cells = sorting.counts, sorting.cells
@@ -209,12 +200,12 @@ def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start,
         target.u[k] = source.u[i]
         target.v[k] = source.v[i]
         target.id[k] = source.id[i]
-        move_if(continuity, source.rho, target.rho, i, k)
         move(source.ax, target.ax, i, k)
         move(source.ay, target.ay, i, k)
         move(source.tx, target.tx, i, k)
         move(source.ty, target.ty, i, k)
         move(source.growth, target.growth, i, k)
+        move(source.offset, target.offset, i, k)
     return meet(team, n_threads)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from sph_gym.solver.checks import finite_array, in_range, known, positive
 from sph_gym.solver.gravity import AnyGravity, Gravity
 from sph_gym.solver.integrators import INTEGRATORS
-from sph_gym.solver.kernels import ALL_KERNELS
+from sph_gym.solver.kernels import ALL_KERNELS, viscous_share
 from sph_gym.solver.neighbors import NARROWEST_DOMAIN
 from sph_gym.solver.state import Controls
 from sph_gym.solver.walls import Walls
@@ -212,6 +212,12 @@ class Scene:
         if self.controls is not None:
             object.__setattr__(self, "controls", check_controls(self.controls))
         self._check_walls()
+
+    @property
+    def viscous_share(self) -> float:
+        """Of h^2 / nu: the longest step that laminar viscosity allows, see `kernels`."""
+        kernel = ALL_KERNELS[self.fluid.kernel](self.h)
+        return viscous_share(kernel, self.effects.viscosity_form)
 
     def _check_walls(self) -> None:
         """What walls, fluid and effects ask of each other."""

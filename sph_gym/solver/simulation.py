@@ -135,7 +135,8 @@ class Simulation:
         """The article's stable step [s] for the present state; see `stepping.stable_dt`."""
         a_max = float(self._acceleration_sizes().max())
         nu = self.scene.effects.laminar_viscosity
-        return stepping.stable_dt(self.scene.h, self.sound_speed, a_max, nu)
+        share = self.scene.viscous_share
+        return stepping.stable_dt(self.scene.h, self.sound_speed, a_max, nu, share)
 
     # --- time -------------------------------------------------------------------------------
 

@@ -21,6 +21,7 @@ class Particles(NamedTuple):
 
     What the rest is for, only some scenes need; where it isn't needed, it is None. ax, ay [m/s^2],
     tx, ty [m/s] and growth [kg/(m^3 s)]: the rates at the last evaluation, see `stepping.Rates`;
+    offset: density less the kernel sum [kg/m^3], where densities follow the continuity equation;
     ghost_u, ghost_v: of wall particles, the velocity [m/s] that viscosity sees.
     """
 
@@ -36,6 +37,7 @@ class Particles(NamedTuple):
     tx: Any = None
     ty: Any = None
     growth: Any = None
+    offset: Any = None
     ghost_u: Any = None
     ghost_v: Any = None
 

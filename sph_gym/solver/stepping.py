@@ -67,17 +67,20 @@ class Model(NamedTuple):
     halves: Any
 
 
-def stable_dt(h: float, c: float, a_max: float, nu: float | None) -> float:
+def stable_dt(
+    h: float, c: float, a_max: float, nu: float | None, viscous: float = VISCOUS
+) -> float:
     """The largest step [s] that the article allows: min(CFL, force limit, viscous limit).
 
     h: support radius [m]; c: sound speed [m/s]; a_max: largest |a| [m/s^2]; nu: kinematic
-    viscosity [m^2/s] or None. Source: the playbook; Morris, Fox, Zhu 1997 for the viscous limit.
+    viscosity [m^2/s] or None; viscous: share of h^2 / nu, which depends on the kernel
+    (`Scene.viscous_share`). Source: the playbook; Morris, Fox, Zhu 1997 for the viscous limit.
     """
     limit = COURANT * h / c
     if a_max > 0:
         limit = min(limit, FORCE * math.sqrt(h / a_max))
     if nu:
-        limit = min(limit, VISCOUS * h * h / nu)
+        limit = min(limit, viscous * h * h / nu)
     return limit
 
 
@@ -139,8 +142,7 @@ def sort_all(rank, n_threads, laying, world, model, time):
             return False
     grid = read_grid(sorting.frame)
     return sort_into_cells(
-        rank, n_threads, team, grid, world.spare, world.fluid, sorting, world.start,
-        model.effects.continuity,
+        rank, n_threads, team, grid, world.spare, world.fluid, sorting, world.start
     )  # fmt: skip
 
 
@@ -178,7 +180,7 @@ def _sort_walls(
 ):
     if walls is None:
         return
-    sort_into_cells(rank, n_threads, team, grid, source, walls, sorting, wall_start, None)
+    sort_into_cells(rank, n_threads, team, grid, source, walls, sorting, wall_start)
     for i in range(walls.id.size):
         wall_sums[i] = source_sums[walls.id[i]]
 
@@ -247,7 +249,9 @@ def sum_walls(i, walls, sums, kernel, constants):
     """Fill `sums` from i on: kernel sums of boundary particles over each other, by brute force."""
     while i < walls.id.size:
         x, y = load(walls.x, i), load(walls.y, i)
-        total = add_weights(walls, None, 0, walls.id.size, kernel, constants, x, y, like(x, 0.0))
+        total = add_weights(
+            None, walls, None, 0, walls.id.size, kernel, constants, x, y, like(x, 0.0)
+        )
         n = min(width(sums), walls.id.size - i)
         store(sums, i, total, n)
         i += n

@@ -17,7 +17,6 @@ def sort(world, model, standstill, repeats):
         grid = read_grid(world.sorting.frame)
         sort_into_cells(
             0, 1, world.team, grid, world.spare, world.fluid, world.sorting, world.start,
-            model.effects.continuity,
         )  # fmt: skip
 
 

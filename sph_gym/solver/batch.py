@@ -39,7 +39,7 @@ def _advance_chunk(
     for i in range(bounds[rank], bounds[rank + 1]):
         advance(
             0, 1, unpack(worlds, i, world), unpack(models, i, model),
-            stale[i], time[i], dt[i], n_substeps[i],
+            stale[i], time[i], dt[i], 0, n_substeps[i],
         )  # fmt: skip
 
 

@@ -17,7 +17,9 @@ def calibrated_cohesion(sigma: float, h: float, dx: float) -> tuple[float, float
     """(s [N/m], zero) for a surface tension sigma [N/m] at support radius h and spacing dx [m]."""
     q, rows = _lattice(h, dx)
     rest2 = q**2 * (1 - q) ** 2
-    zero = float((q * rest2).sum() / rest2.sum())
+    # rows above and below are the whole lattice but for the particle's own row
+    shares = np.where(rows > 0, 2, 1)
+    zero = float((shares * q * rest2).sum() / (shares * rest2).sum())
     force = Polynomial([0, 1]) * Polynomial([1, -1]) ** 2 * Polynomial([zero, -1])
     energy = force.integ()
     # both halves of the lattice hold on to each other across a line, dx of it per column
@@ -26,8 +28,9 @@ def calibrated_cohesion(sigma: float, h: float, dx: float) -> tuple[float, float
 
 
 def _lattice(h: float, dx: float) -> tuple[np.ndarray, np.ndarray]:
-    """q of all neighbours within h above a lattice point, and how many rows above they are."""
+    """q of the neighbours within h of a lattice point, but for those below; rows above it."""
     reach = math.ceil(h / dx)
-    i, j = np.meshgrid(np.arange(-reach, reach + 1), np.arange(1, reach + 1))
+    i, j = np.meshgrid(np.arange(-reach, reach + 1), np.arange(reach + 1))
     q = np.hypot(i, j) * dx / h
-    return q[q < 1], j[q < 1]
+    near = (q < 1) & (q > 0)
+    return q[near], j[near]

@@ -45,7 +45,6 @@ class Engine:
         n = len(scene.x)  # type: ignore[arg-type]
         self.dtype, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
         self._listed_by = 1
-        self._earlier = 0
         self._pace = teams.Pace()
         self._records: dict[str, tuple[Any, Any]] = {}
         self.model = make_model(scene, controls, mass, dtype)
@@ -70,9 +69,10 @@ class Engine:
             source_sums=None if walls is None else self._sum_walls(walls),
             sorting=sorting,
             lists=None if brute else make_lists(n, self._most, per_particle),
-            status=np.zeros((self._most, 6), np.int64),
+            status=np.zeros((self._most, 7), np.int64),
             team=teams.make_team(),
             totals=np.zeros(9),
+            clock=np.zeros(1),
         )
         self._scene = scene
         self._sort_spare(UNKNOWN)
@@ -124,30 +124,27 @@ class Engine:
     def finish(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
         """What `run` returns, once a call has been made; goes on if a list was too short."""
         while self.full:
-            self._earlier, self.world.status[0, STEPS] = self.steps, 0
             self._grow()
-            now, rest = time + self._earlier * dt, n_substeps - self._earlier
-            self.call(self.stage, now, dt, rest)
-        done, self._earlier = self.steps, 0
-        return done, self.bad
+            self.call(self.stage, time, dt, n_substeps, self.steps)
+        return self.steps, self.bad
 
-    def call(self, stale: int, time: float, dt: float, n_substeps: int) -> None:
-        """One compiled call, on as many threads as it is worth."""
-        with teams.borrow(self._worthwhile(n_substeps)) as n_threads:
-            stale = self.begin(n_threads, stale)
-            arguments = self.world, self.model, stale, time, self.dtype(dt), n_substeps
+    def call(self, stale: int, time: float, dt: float, n_substeps: int, done: int = 0) -> None:
+        """One compiled call, on as many threads as it is worth; see `stepping.advance`."""
+        with teams.borrow(self._worthwhile(n_substeps - done)) as n_threads:
+            stale = self.begin(n_threads, stale, done)
+            arguments = self.world, self.model, stale, time, self.dtype(dt), done, n_substeps
             began = perf_counter()
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
-            work = len(self.fluid.id) * n_substeps
+            work = len(self.fluid.id) * (n_substeps - done)
             self._pace.note(n_threads, work, perf_counter() - began)
 
-    def begin(self, n_threads: int, stale: int = FRESH) -> int:
+    def begin(self, n_threads: int, stale: int = FRESH, done: int = 0) -> int:
         """Get ready for a call on so many threads; what then isn't up to date.
 
         Each thread has its own list, so that other shares want other lists.
         """
         before, self._listed_by = self._listed_by, n_threads
-        self.world.status[:, :3] = 0, -1, 0
+        self.world.status[:, :3] = done, -1, 0
         if n_threads != before and stale == FRESH:
             self._spare_the_state()
             return UNSORTED
@@ -163,8 +160,8 @@ class Engine:
 
     @property
     def steps(self) -> int:
-        """Steps that the last call did."""
-        return self._earlier + int(self.world.status[0, STEPS])
+        """Steps that the last `run` did."""
+        return int(self.world.status[0, STEPS])
 
     @property
     def bad(self) -> int:
@@ -200,7 +197,6 @@ class Engine:
 
     def recover(self, time: float) -> None:
         """After a failed step or an interrupted call: go back to the last whole state."""
-        self._earlier = 0
         if self.full:
             self._grow()
             self._sort_spare(UNKNOWN, time)
@@ -251,11 +247,17 @@ class Engine:
         n = len(self.fluid.id)
         return {name: getattr(self.fluid, name)[:n].copy() for name in self.state_columns}
 
-    def set_state(self, columns: dict[str, NDArray[Any]], time: float) -> None:
-        """Take back what `state` gave at a time [s]."""
+    @property
+    def clock(self) -> float:
+        """Time [s] of the present state; but for rounding that of the simulation."""
+        return float(self.world.clock[0])
+
+    def set_state(self, columns: dict[str, NDArray[Any]], clock: float) -> None:
+        """Take back what `state` gave when it was that time [s]."""
         for name, values in columns.items():
             getattr(self.world.spare, name)[: len(values)] = values
-        self._sort_spare(UNSORTED, time)
+        self.world.clock[0] = clock
+        self._sort_spare(UNSORTED, clock)
 
 
 def _structure(value: Any) -> Any:

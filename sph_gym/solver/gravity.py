@@ -136,6 +136,10 @@ class _Field:
         """(2,) the part that is the same everywhere [m/s^2]."""
         return self.on(time, np.zeros((1, 2)), np.zeros((1, 2)))[0]
 
+    def lasting(self) -> Array:
+        """(2,) what is left of `at` in the mean over a long time [m/s^2]."""
+        raise NotImplementedError
+
     def strongest(self, reach: float) -> float:
         """A bound of its size [m/s^2] within `reach` [m] of the origin."""
         raise NotImplementedError
@@ -157,6 +161,10 @@ class Gravity(_Field):
     def compiled(self) -> UniformField:
         """See `UniformField`."""
         return UniformField(self.x, self.y, 1 / self.ramp if self.ramp > 0 else 0.0)
+
+    def lasting(self) -> Array:
+        """The vector, once the ramp is over."""
+        return np.array([self.x, self.y])
 
     def strongest(self, reach: float) -> float:
         """Its size once the ramp is over."""
@@ -187,6 +195,10 @@ class CentralGravity(_Field):
         """Zero: nothing of it is the same everywhere."""
         return np.zeros(2)
 
+    def lasting(self) -> Array:
+        """Zero as well."""
+        return np.zeros(2)
+
     def strongest(self, reach: float) -> float:
         """omega^2 times the distance from the centre."""
         return self.omega**2 * (reach + math.hypot(self.x, self.y))
@@ -215,6 +227,10 @@ class ShakenGravity(_Field):
         """See `ShakenField`."""
         return ShakenField(self.x, self.y, *self.amplitude, 2 * math.pi * self.frequency)
 
+    def lasting(self) -> Array:
+        """Gravity alone."""
+        return np.array([self.x, self.y])
+
     def strongest(self, reach: float) -> float:
         """Gravity and amplitude, should they point the same way."""
         return math.hypot(self.x, self.y) + math.hypot(*self.amplitude)
@@ -234,12 +250,18 @@ class RecordedGravity(_Field):
         vectors = finite_array("gravity.vectors", self.vectors, ("n", 2))
         if len(vectors) < 2:
             raise ValueError(f"gravity.vectors: expected at least two, got {len(vectors)}")
+        vectors.flags.writeable = False
         object.__setattr__(self, "vectors", vectors)
         object.__setattr__(self, "interval", positive("gravity.interval", self.interval))
 
     def compiled(self) -> RecordedField:
         """See `RecordedField`."""
-        return RecordedField(1 / self.interval, np.asarray(self.vectors))
+        # one order in memory, since simulations of one kind share their machine code
+        return RecordedField(1 / self.interval, np.array(self.vectors, order="C"))
+
+    def lasting(self) -> Array:
+        """The mean of the record."""
+        return np.asarray(self.vectors).mean(axis=0)
 
     def strongest(self, reach: float) -> float:
         """The largest of the record."""
@@ -272,6 +294,10 @@ class RollingTank(_Field):
     def compiled(self) -> RollingField:
         """See `RollingField`."""
         return RollingField(self.g, self.amplitude, 2 * math.pi * self.frequency, *self.pivot)
+
+    def lasting(self) -> Array:
+        """Gravity in the tank at rest."""
+        return np.array([0.0, -self.g])
 
     def at(self, time: float) -> Array:
         """Gravity alone, as the tank sees it."""

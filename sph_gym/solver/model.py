@@ -155,10 +155,10 @@ def _laminar(nu: float, form: str, kernel: Any, number: Any) -> Any:
 
 
 def _density_diffusion(scene: Scene, stiffness: float, number: Any) -> DensityDiffusion:
-    """With the hydrostatic gradient of a uniform gravity at the present stiffness."""
+    """With the hydrostatic gradient of the lasting gravity at the present stiffness."""
     delta, field = scene.effects.density_diffusion, scene.effects.field
     c = scene.fluid.sound_speed(stiffness)
-    slope = scene.fluid.rho0 / c**2 * (np.zeros(2) if field is None else field.at(np.inf))
+    slope = scene.fluid.rho0 / c**2 * (np.zeros(2) if field is None else field.lasting())
     return DensityDiffusion(
         number(2 * delta * scene.fluid.c0 * scene.h),  # type: ignore[operator]
         number(slope[0]),

@@ -209,6 +209,11 @@ class Scene:
                 )
         if self.walls is not None and not isinstance(self.walls, Walls):
             raise ValueError(f"walls: expected Walls(...) or None, got {self.walls!r}")
+        if self.effects.surface_tension is not None and self.h == self.dx:
+            raise ValueError(
+                "h: expected a support radius above dx with effects.surface_tension, since nobody "
+                f"at rest would be near enough to hold on to, got {self.h:g}"
+            )
         if self.controls is not None:
             object.__setattr__(self, "controls", check_controls(self.controls))
         self._check_walls()
@@ -234,7 +239,8 @@ class Scene:
             ends = getattr(walls, name)
             if ends is None:
                 continue
-            if ends[1] - ends[0] < NARROWEST_DOMAIN * self.h:
+            # but for rounding
+            if ends[1] - ends[0] < (1 - 1e-9) * NARROWEST_DOMAIN * self.h:
                 raise ValueError(
                     f"walls.{name}: expected at least {NARROWEST_DOMAIN:g} h = "
                     f"{NARROWEST_DOMAIN * self.h:g} m, got {ends[1] - ends[0]:g}"

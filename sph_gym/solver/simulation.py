@@ -114,8 +114,9 @@ class Simulation:
         if self._controls[1:] == before[1:]:
             return
         self.engine.set_controls(self._controls)
-        if self._controls.stiffness != before.stiffness:
-            # densities stay, pressures and the stored energy follow the stiffness
+        if self._controls.stiffness != before.stiffness or "tx" in self.engine.state_columns:
+            # densities stay, pressures and the stored energy follow the stiffness, and rates that
+            # the next step sets out from all controls
             self.engine.renew(self.time)
             self._acceleration = None
             held, self._totals = self._totals, self._sum()
@@ -383,6 +384,7 @@ class Simulation:
         return {
             "fluid": self.engine.state(),
             "time": self.time,
+            "clock": self.engine.clock,
             "controls": tuple(self._controls),
             "ledger": self._ledger.state(),
             "power": self._power,
@@ -397,7 +399,7 @@ class Simulation:
         try:
             columns = self.engine.state_columns
             fluid = {name: np.asarray(snapshot["fluid"][name]) for name in columns}
-            power = float(snapshot["power"])
+            power, clock = float(snapshot["power"]), float(snapshot["clock"])
             time, controls = float(snapshot["time"]), check_controls(snapshot["controls"])
             numbers, totals = snapshot["ledger"], diagnostics.Totals(*snapshot["totals"])
             if len(numbers) != len(self._ledger.state()):
@@ -418,7 +420,7 @@ class Simulation:
         self.time, self._controls, self._totals, self._power = time, controls, totals, power
         self._ledger.set_state(numbers)
         self.engine.set_controls(controls)
-        self.engine.set_state(fluid, time)
+        self.engine.set_state(fluid, clock)
         self._acceleration = None
 
 

@@ -29,7 +29,7 @@ from sph_gym.solver.neighbors import (
 )
 from sph_gym.solver.state import Indices, Particles
 from sph_gym.solver.teams import meet
-from sph_gym.solver.walls import Box, Plates, Stroke, stroke_at
+from sph_gym.solver.walls import Box, Plates, Stroke, stroke_at, wrap_far
 
 # The article's limits. Its 0.4 h^2/nu diverges where h is the support radius; 0.125: Morris 1997.
 COURANT = 0.4
@@ -38,8 +38,8 @@ VISCOUS = 0.125
 
 # Columns of `World.status`: steps done by thread 0, the first particle in a thread's share that
 # failed or -1, whether a thread's list was too short; the particles that are its share; where in
-# a step the call ended, see below.
-STEPS, BAD, FULL, FIRST, LAST, STAGE = 0, 1, 2, 3, 4, 5
+# a step the call ended, see below; where the fluid's part of the thread's list ends.
+STEPS, BAD, FULL, FIRST, LAST, STAGE, LISTED = 0, 1, 2, 3, 4, 5, 6
 # What is to be done before the next step: nothing; densities and lists, from `spare`; rates too,
 # since they depend on what has changed; densities and the second half of the present step.
 FRESH, UNSORTED, UNKNOWN, HALFWAY = 0, 1, 2, 3
@@ -91,9 +91,9 @@ class World(NamedTuple):
     state as the last step left it, or scratch; start, wall_start: (n_cells + 1,) first particle
     of every cell; walls: in the order of the cells; wall_source: in public order; wall_rest: the
     same before they moved, moves: (n,) 1 for those that move; wall_sums, source_sums: kernel sums
-    of wall particles over each other, in the two orders; status: (n_threads, 6) int64, see the
+    of wall particles over each other, in the two orders; status: (n_threads, 7) int64, see the
     constants above; team: flags of the threads; totals: (9,) of the state, see
-    `diagnostics.Totals`.
+    `diagnostics.Totals`; clock: (1,) time [s] of the state and of the walls.
     """
 
     fluid: Particles
@@ -111,6 +111,7 @@ class World(NamedTuple):
     status: Any
     team: Any
     totals: Any
+    clock: Any
 
 
 # --- Sorting --------------------------------------------------------------------------------
@@ -129,7 +130,8 @@ def sort_all(rank, n_threads, laying, world, model, time):
     if laying or moved:
         if rank == 0:
             moved = move_walls(
-                model.stroke, world.wall_source, world.wall_rest, world.moves, time
+                model.stroke, world.wall_source, world.wall_rest, world.moves, model.constants,
+                time,
             )  # fmt: skip
             if laying:
                 moved = lay_grid(sorting.frame, world.spare, h, world.start.size - 1) or moved
@@ -153,23 +155,24 @@ def is_there(part):
 
 
 @jitable
-def move_walls(stroke, source, rest, moves, time):
+def move_walls(stroke, source, rest, moves, constants, time):
     """Boundary particles to where they are at a time [s]; whether there are any that move."""
     if stroke is None:
         return False
-    _displace(source, rest, moves, stroke, time)
+    _displace(source, rest, moves, constants, stroke, time)
     return True
 
 
 @jitable
-def _displace(source, rest, moves, stroke, time):
+def _displace(source, rest, moves, constants, stroke, time):
     if source is None:
         return
     x, y, u, v = stroke_at(stroke, time)
     square = stroke.omega * stroke.omega * math.sin(stroke.omega * time)
     for i in range(source.id.size):
         share = moves[i]
-        source.x[i], source.y[i] = rest.x[i] + share * x, rest.y[i] + share * y
+        source.x[i] = wrap_far(constants.period_x, rest.x[i] + share * x)
+        source.y[i] = wrap_far(constants.period_y, rest.y[i] + share * y)
         source.u[i], source.v[i] = rest.u[i] + share * u, rest.v[i] + share * v
         source.ax[i], source.ay[i] = -share * stroke.ax * square, -share * stroke.ay * square
 
@@ -285,12 +288,31 @@ def finish_step(halves, rank, n_threads, fluid, spare, walls, lists, status, tea
     return meet(team, n_threads)
 
 
+@jitable
+def follow_fluid(
+    extrapolation, rank, n_threads, walls, wall_start, fluid, start, grid, lists, status, team,
+    model, time,
+):  # fmt: skip
+    """Give boundary particles the pressure of the fluid, where they wait for it.
+
+    Returns False if a list was too short or the team was told to stop.
+    """
+    if extrapolation is None:
+        return True
+    status[rank, FULL] = extrapolate(
+        extrapolation, rank, n_threads, status[rank, LISTED], walls, wall_start, fluid, start,
+        grid, lists, model.kernel, model.eos, model.constants, model.gravity, time,
+    )  # fmt: skip
+    return meet(team, n_threads) and not any_full(status, n_threads)
+
+
 @jit
-def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
+def advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
     """n_substeps steps of the whole chain: force, integration, neighbours, density, pressure.
 
-    A step consists of one or two moves of the particles, depending on the integrator, each
-    followed by the rest of the chain. `world.fluid` holds the state before and after, with
+    time: [s] before the first of them; done: how many of them an earlier call did, whose list was
+    too short. A step consists of one or two moves of the particles, depending on the integrator,
+    each followed by the rest of the chain. `world.fluid` holds the state before and after, with
     densities, pressures and lists; `stale` says what of it is not up to date (see FRESH and the
     others). When a step fails, `fluid` holds the last finite state; when a list was too short,
     `spare` holds a state for another call with larger lists. `world.status` says so.
@@ -299,22 +321,21 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
     walls, wall_start, wall_sums = world.walls, world.wall_start, world.wall_sums
     lists, status, team = world.lists, world.status, world.team
     kernel, eos, constants = model.kernel, model.eos, model.constants
-    status[rank, STEPS], status[rank, BAD], status[rank, FULL] = 0, -1, 0
+    status[rank, STEPS], status[rank, BAD], status[rank, FULL] = done, -1, 0
     n_moves = moves(model.integrator)
-    # a step that another call began is finished first
-    rest = n_moves - 1 if stale == HALFWAY else 0
-    n_passes = n_substeps * n_moves + rest
-    for k in range(n_passes + 1):
-        # the step before the first may be there in halves
-        step, done = divmod(k - 1 - rest, n_moves)
+    # a step that an earlier call began is finished first
+    first_move = done * n_moves - (n_moves - 1 if stale == HALFWAY else 0)
+    last_move = n_substeps * n_moves
+    for k in range(first_move, last_move + 1):
+        step, part = divmod(k - 1, n_moves)
         began, length = time + step * float(dt), dt * 1.0
-        if k > 0:
+        if k > first_move:
             first, last = status[rank, FIRST], status[rank, LAST]
             bad = move(
-                model.integrator, done, first, last, fluid, spare, walls, lists, model, began, dt
+                model.integrator, part, first, last, fluid, spare, walls, lists, model, began, dt
             )
             status[rank, STEPS], status[rank, BAD] = step + 1, bad
-            halfway = done + 1 < n_moves or evaluates_last(model.integrator)
+            halfway = part + 1 < n_moves or evaluates_last(model.integrator)
             status[rank, STAGE] = HALFWAY if halfway else UNSORTED
             if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
                 return
@@ -323,11 +344,13 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
         else:
             status[rank, STAGE] = stale
             if stale != HALFWAY:
-                began, length = time, dt * 0.0
-        now = began + length * (done + 1) / n_moves
-        laying = k == n_passes or k % LAY_EVERY == 0
+                began, length = world.clock[0] if stale == UNSORTED else time, dt * 0.0
+        now = began + length * (part + 1) / n_moves
+        laying = k == last_move or k % LAY_EVERY == 0
         if not sort_all(rank, n_threads, laying, world, model, now):
             return
+        # not before all have read it
+        world.clock[0] = now
         grid = read_grid(world.sorting.frame)
         first, last = own_blocks(grid, start, fluid.id.size, width(fluid.x), rank, n_threads)
         status[rank, FIRST], status[rank, LAST] = first, last
@@ -342,19 +365,25 @@ def advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
                 rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
                 kernel, eos, constants, model.effects.continuity,
             )  # fmt: skip
-        status[rank, FULL] = full or end > room
+        status[rank, FULL], status[rank, LISTED] = full or end > room, end
         if not meet(team, n_threads) or any_full(status, n_threads):
             return
-        if is_there(model.extrapolation):
-            status[rank, FULL] = extrapolate(
-                model.extrapolation, rank, n_threads, end, walls, wall_start, fluid, start, grid,
-                lists, kernel, eos, constants, model.gravity, now,
-            )  # fmt: skip
-            if not meet(team, n_threads) or any_full(status, n_threads):
-                return
-        if status[rank, STAGE] != UNSORTED and done + 1 == n_moves and not finish_step(
+        if not follow_fluid(
+            model.extrapolation, rank, n_threads, walls, wall_start, fluid, start, grid, lists,
+            status, team, model, now,
+        ):  # fmt: skip
+            return
+        if status[rank, STAGE] == UNSORTED or part + 1 < n_moves:
+            continue
+        if not finish_step(
             model.halves, rank, n_threads, fluid, spare, walls, lists, status, team, model,
             began, length,
+        ):  # fmt: skip
+            return
+        # somebody may look at walls without slip, which follow velocities
+        if is_there(model.halves) and k == last_move and not follow_fluid(
+            model.extrapolation, rank, n_threads, walls, wall_start, fluid, start, grid, lists,
+            status, team, model, now,
         ):  # fmt: skip
             return
     status[rank, STAGE] = FRESH

@@ -26,13 +26,20 @@ SKIN = 1e-2
 
 
 class Box(NamedTuple):
-    """Clamping walls in the precision of the arrays: sides [m], restitution in [0, 1]."""
+    """Clamping walls in the precision of the arrays: sides [m], restitution in [0, 1].
+
+    left, right, bottom, top: velocities of the sides [m/s], each along its normal.
+    """
 
     x_min: float
     x_max: float
     y_min: float
     y_max: float
     restitution: float
+    left: float
+    right: float
+    bottom: float
+    top: float
 
 
 class Plates(NamedTuple):
@@ -85,15 +92,14 @@ class Extrapolated(NamedTuple):
 
 
 @jitable
-def reflect(low, high, restitution, x, u):
+def reflect(low, high, low_speed, high_speed, restitution, x, u):
     """Put a particle back onto the side that it passed and turn its normal velocity round.
 
     Position and velocity both: with the position alone it would press into the wall for ever.
-    A position that is not a number stays one.
+    The velocity as a side sees it that moves itself. A position that is not a number stays one.
     """
-    bounced = -restitution * u
-    u = select(x < low, maximum(bounced, u), u)
-    u = select(x > high, minimum(bounced, u), u)
+    u = select(x < low, maximum(low_speed - restitution * (u - low_speed), u), u)
+    u = select(x > high, minimum(high_speed - restitution * (u - high_speed), u), u)
     return minimum(high, maximum(low, x)), u
 
 
@@ -102,41 +108,71 @@ def confine(box, x, y, u, v):
     """`reflect` at the four sides of the box, where there is one."""
     if box is None:
         return x, y, u, v
-    x, u = reflect(box.x_min, box.x_max, box.restitution, x, u)
-    y, v = reflect(box.y_min, box.y_max, box.restitution, y, v)
+    x, u = reflect(box.x_min, box.x_max, box.left, box.right, box.restitution, x, u)
+    y, v = reflect(box.y_min, box.y_max, box.bottom, box.top, box.restitution, y, v)
     return x, y, u, v
 
 
 @jitable
 def stop_at_plates(plates, old_x, old_y, x, y, u, v):
-    """End a path that would cross a plate in front of it, and reflect the normal velocity.
+    """End a path in front of the first plate in its way, and reflect the normal velocity.
 
-    All plates twice: in a corner the first plate may send a particle through the second.
+    In a corner that may send a particle through another plate; then it stays where it was.
     """
     if plates is None:
         return x, y, u, v
-    for k in range(2 * plates.x0.size):
-        k = k % plates.x0.size
-        px, py = broadcast(plates.x0, k), broadcast(plates.y0, k)
-        tx, ty = broadcast(plates.x1, k) - px, broadcast(plates.y1, k) - py
-        zero, one = like(old_x, 0.0), like(old_x, 1.0)
-        inv_length = rsqrt(tx * tx + ty * ty)
-        nx, ny = -ty * inv_length, tx * inv_length
-        before = (old_x - px) * nx + (old_y - py) * ny
-        after = (x - px) * nx + (y - py) * ny
-        side = select(before < zero, -one, one)
-        share = before / select(before * after < zero, before - after, one)
-        hit_x, hit_y = old_x + share * (x - old_x), old_y + share * (y - old_y)
-        along = ((hit_x - px) * tx + (hit_y - py) * ty) * (inv_length * inv_length)
-        inside = select(along < zero, zero, select(along > one, zero, one))
-        crosses = inside * select(before * after < zero, one, zero) > zero
-        normal_speed = u * nx + v * ny
-        turned = select(crosses, (one + like(one, plates.restitution)) * normal_speed, zero)
-        u, v = u - turned * nx, v - turned * ny
-        gap = side * like(one, plates.skin)
-        x = select(crosses, hit_x + gap * nx, x)
-        y = select(crosses, hit_y + gap * ny, y)
+    first, skin = like(old_x, 2.0), like(old_x, plates.skin)
+    nx = ny = like(old_x, 0.0)
+    for k in range(plates.x0.size):
+        share, px, py = meet_plate(plates, k, old_x, old_y, x, y)
+        nx, ny = select(share < first, px, nx), select(share < first, py, ny)
+        first = minimum(share, first)
+    hits = first < like(first, 1.5)
+    x = select(hits, old_x + first * (x - old_x) + skin * nx, x)
+    y = select(hits, old_y + first * (y - old_y) + skin * ny, y)
+    u, v = turn_round(plates, nx, ny, u, v)
+    for k in range(plates.x0.size):
+        share, px, py = meet_plate(plates, k, old_x, old_y, x, y)
+        hits = share < like(share, 1.5)
+        x, y = select(hits, old_x, x), select(hits, old_y, y)
+        u, v = turn_round(plates, px, py, u, v)
     return x, y, u, v
+
+
+@jitable
+def meet_plate(plates, k, old_x, old_y, x, y):
+    """Share of a path after which it meets plate k, and the normal there, towards its start.
+
+    Paths that don't have share 2 and no normal. Whoever arrives on the plate meets it; whoever
+    sets out from there is on its left side.
+    """
+    px, py = broadcast(plates.x0, k), broadcast(plates.y0, k)
+    tx, ty = broadcast(plates.x1, k) - px, broadcast(plates.y1, k) - py
+    zero, one = like(old_x, 0.0), like(old_x, 1.0)
+    length2 = tx * tx + ty * ty
+    inv_length = rsqrt(length2)
+    nx, ny = -ty * inv_length, tx * inv_length
+    before = (old_x - px) * nx + (old_y - py) * ny
+    after = (x - px) * nx + (y - py) * ny
+    side = select(before < zero, -one, one)
+    travelled = before - after
+    share = before / select(abs(travelled) > zero, travelled, one)
+    hit_x, hit_y = old_x + share * (x - old_x), old_y + share * (y - old_y)
+    # a skin beyond both ends, so that rounding leaves no gap between plates that share one
+    along = ((hit_x - px) * tx + (hit_y - py) * ty) * inv_length
+    skin = like(along, plates.skin)
+    missed = select(along < -skin, one, select(along > length2 * inv_length + skin, one, zero))
+    missed = select(side * after > zero, one, missed) > zero
+    share = select(missed, one + one, share)
+    return share, select(missed, zero, side * nx), select(missed, zero, side * ny)
+
+
+@jitable
+def turn_round(plates, nx, ny, u, v):
+    """Velocities after a collision with a plate of normal nx, ny; without a normal, unchanged."""
+    approach = minimum(u * nx + v * ny, like(u, 0.0))
+    turned = (like(u, 1.0) + like(u, plates.restitution)) * approach
+    return u - turned * nx, v - turned * ny
 
 
 @jitable
@@ -158,6 +194,14 @@ def wrap(period, x):
 
 
 @jitable
+def wrap_far(period, x):
+    """The same for one particle, from however far outside."""
+    if period is None:
+        return x
+    return x - period.length * math.floor((x - period.low) / period.length)
+
+
+@jitable
 def stroke_at(stroke, time):
     """How far the moving walls are from where they began [m], and their velocity [m/s]."""
     phase = stroke.omega * time
@@ -168,16 +212,20 @@ def stroke_at(stroke, time):
 
 @jitable
 def moved_box(stroke, box, time):
-    """The box at a time [s], and the velocity of its moving sides [m/s]."""
+    """The box at a time [s]."""
     if stroke is None or box is None:
         return box
-    x, y, _, _ = stroke_at(stroke, time)
+    x, y, u, v = stroke_at(stroke, time)
     return Box(
         box.x_min + like(box.x_min, stroke.left * x),
         box.x_max + like(box.x_min, stroke.right * x),
         box.y_min + like(box.x_min, stroke.bottom * y),
         box.y_max + like(box.x_min, stroke.top * y),
         box.restitution,
+        like(box.x_min, stroke.left * u),
+        like(box.x_min, stroke.right * u),
+        like(box.x_min, stroke.bottom * v),
+        like(box.x_min, stroke.top * v),
     )
 
 
@@ -213,7 +261,10 @@ class Motion:
         sides = tuple(known("walls.motion.sides", side, SIDES) for side in self.sides)
         object.__setattr__(self, "sides", sides)
         if self.particles is not None:
-            moves = np.array(self.particles)
+            try:
+                moves = np.array(self.particles)
+            except ValueError:
+                moves = np.array(self.particles, dtype=object)
             if moves.dtype != bool or moves.ndim != 1:
                 raise ValueError(
                     "walls.motion.particles: expected (n,) True or False, one for every boundary "
@@ -300,10 +351,11 @@ class Walls:
             return
         if self.particles is None:
             raise ValueError("walls.velocity: expected walls.particles that have it, got none")
-        if np.ndim(self.velocity) == 1:
+        n = len(np.asarray(self.particles))
+        if np.shape(np.asarray(self.velocity, dtype=object)) == (2,):
             velocity = finite_array("walls.velocity", self.velocity, (2,))
-            object.__setattr__(self, "velocity", np.tile(velocity, (len(self.particles), 1)))  # type: ignore[arg-type]
-        self._set_array("velocity", (len(np.asarray(self.particles)), 2))
+            object.__setattr__(self, "velocity", np.tile(velocity, (n, 1)))
+        self._set_array("velocity", (n, 2))
 
     def _check_motion(self) -> None:
         if self.motion is None:
@@ -312,6 +364,8 @@ class Walls:
             raise ValueError(f"walls.motion: expected Motion(...), got {self.motion!r}")
         if self.particles is None and not self.motion.sides:
             raise ValueError("walls.motion: expected walls.particles or sides that move, got none")
+        if self.motion.sides and self.box is None:
+            raise ValueError("walls.motion.sides: expected a walls.box that has them, got none")
         chosen = self.motion.particles
         if chosen is not None:
             n = 0 if self.particles is None else len(np.asarray(self.particles))
@@ -373,7 +427,7 @@ def make_box(walls: Walls | None, precision: Any) -> Box | None:
     """The box in the precision of the particles, where there is one."""
     if walls is None or walls.box is None:
         return None
-    return Box(*(precision(side) for side in (*walls.box, walls.restitution)))
+    return Box(*(precision(side) for side in (*walls.box, walls.restitution, *[0.0] * 4)))
 
 
 def make_plates(walls: Walls | None, dx: float, precision: Any) -> Plates | None:

@@ -14,6 +14,11 @@ _SCENES = (
     "drop_impact",
     "hydrostatic_tank",
     "relaxation",
+    "poiseuille",
+    "couette",
+    "lid_driven_cavity",
+    "taylor_green",
+    "water_jet",
 )
 
 

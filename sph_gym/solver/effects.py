@@ -175,7 +175,7 @@ def _morris_friction(effect, pair):
 
 @jitable
 def add_laminar_viscosity(effect, pair, ax, ay):
-    """nu sum m (v_j - v_i) / rho_mean w_ij; dt <= 0.125 h^2 / nu.
+    """nu sum m (v_j - v_i) / rho_mean w_ij; for the step see `kernels.viscous_share`.
 
     w is the Laplacian weight of the kernel (Mueller, Charypar, Gross 2003, eq. 14), or
     2 r . grad W / (r^2 + eta^2) (Morris, Fox, Zhu 1997, eq. 22), both with the mean density,

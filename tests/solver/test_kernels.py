@@ -14,6 +14,7 @@ from sph_gym.solver.kernels import (
     density_kernel,
     gradient,
     viscosity,
+    viscous_share,
     weight,
 )
 from sph_gym.solver.lanes import load, store, width
@@ -319,3 +320,29 @@ def test_calibrated_mass_gives_the_rest_density_on_the_lattice(name, h_over_dx):
     )
     sim = Simulation(scene)
     assert sim.rho[n * n // 2] == pytest.approx(1300.0, rel=1e-13)
+
+
+def fastest_decay(kernel, form, dx):
+    """Of all waves on a square lattice, in a fluid of nu = 1 [1/s]."""
+    place = np.arange(-4, 5) * dx
+    r = np.hypot(*np.meshgrid(place, place))
+    w, near = np.zeros_like(r), (r > 0) & (r < kernel.h)
+    if form == "morris":
+        w[near] = -2 * slope(kernel, r[near]) * r[near] / (r[near] ** 2 + 0.01 * kernel.h2)
+    else:
+        w[near] = laplacian_weight(kernel, r[near])
+    waves = np.cos(np.outer(np.linspace(0, np.pi, 41), np.arange(-4, 5)))
+    # w is even, so that the sines cancel
+    return dx**2 * (w.sum() - (waves @ w @ waves.T)).max()
+
+
+@kernels
+@pytest.mark.parametrize("form", ["laplacian", "morris"])
+@pytest.mark.parametrize("ratio", [2.0, 2.6, 3.0, 3.7])
+def test_the_viscous_step_is_stable_and_not_much_shorter_than_it_must_be(kernel, form, ratio):
+    share = viscous_share(kernel, form) * H**2 * fastest_decay(kernel, form, H / ratio)
+    assert 0.5 * 2 < share < 0.95 * 2
+
+
+def test_the_viscous_step_of_the_article_is_that_of_morris():
+    assert viscous_share(KERNELS["mueller"](H), "laplacian") == pytest.approx(0.125, rel=1e-12)

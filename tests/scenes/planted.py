@@ -1,0 +1,26 @@
+from types import SimpleNamespace
+
+import numpy as np
+
+
+def planted(scene, v, time=0.0, x=None, p=None, mass=None):
+    """What a simulation of `scene` would show, with given velocities of its fluid, (n, 2)."""
+    x = np.asarray(scene.x) if x is None else np.asarray(x)
+    walls = np.zeros((0, 2))
+    wall_v = walls
+    if scene.walls is not None and scene.walls.particles is not None:
+        walls, wall_v = np.asarray(scene.walls.particles), scene.walls.velocities
+    mass = scene.fluid.rho0 * scene.dx**2 if mass is None else mass
+    kinetic = 0.5 * mass * float((v**2).sum())
+    momentum = mass * float(v[:, 1].sum())
+    return SimpleNamespace(
+        scene=scene,
+        time=time,
+        mass=mass,
+        n_fluid=len(x),
+        n_particles=len(x) + len(walls),
+        x=np.concatenate([x, walls]),
+        v=np.concatenate([v, wall_v]),
+        p=np.zeros(len(x) + len(walls)) if p is None else p,
+        diagnostics=lambda: {"kinetic_energy": kinetic, "momentum_y": momentum},
+    )

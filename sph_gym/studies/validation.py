@@ -165,7 +165,7 @@ def _bar(title: str) -> Any:
         from tqdm import tqdm
     except ImportError:
         raise ImportError('studies need more: pip install "sph_gym[studies]"') from None
-    return tqdm(total=100, desc=title, unit="%", leave=False, file=sys.stderr)
+    return tqdm(total=100, desc=title, unit="%", leave=False, file=sys.stderr, mininterval=0.5)
 
 
 # --- On disk --------------------------------------------------------------------------------

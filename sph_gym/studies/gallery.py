@@ -6,17 +6,18 @@ from typing import Any
 
 from sph_gym.scenes.reference import Reference
 
-# Of M. Okabe and K. Ito, for colour-blind eyes; line styles tell the same in grey.
+# Of M. Okabe and K. Ito, for colour-blind eyes; line styles tell resolutions in grey too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LINES = ("-", "--", "-.", ":")
-MANY = 40
+# Markers that a reference has at most, so that the curves below it can be seen.
+MARKERS = 30
 
 
 def draw(name: str, reference: Reference, results: Sequence[Any], path: Path) -> Path:
     """Draw the charts of some `validation.Result` into one PNG file; its path.
 
-    Colours tell the curves of a chart apart, line styles the resolutions; a reference is black,
-    with markers where it consists of few points. Raises ImportError that names the extra.
+    Colours tell the curves of a chart apart, line styles the resolutions, the finest one solid; a
+    reference is open black circles. Raises ImportError that names the extra to install.
     """
     try:
         from matplotlib.figure import Figure
@@ -24,42 +25,45 @@ def draw(name: str, reference: Reference, results: Sequence[Any], path: Path) ->
         raise ImportError('plots need more: pip install "sph_gym[studies]"') from None
     figure = Figure(figsize=(8, 5), layout="constrained")
     axes = figure.add_subplot()
-    for k, result in enumerate(results):
-        colour = 0
-        for curve in result.chart.curves:
-            if curve.reference:
-                continue
-            axes.plot(
-                curve.x, curve.y, LINES[k % len(LINES)],
-                color=COLOURS[(colour + k) % len(COLOURS)],
-                label=f"{curve.label}, {_size(result)}", linewidth=1.4,
-            )  # fmt: skip
-            colour += len(results)
+    _draw_runs(axes, results)
     _draw_references(axes, results[-1])
     axes.set_xlabel(results[-1].chart.x_label)
     axes.set_ylabel(results[-1].chart.y_label)
-    axes.set_title(f"{name.replace('_', ' ')} (reference: {reference.source})", fontsize=10)
+    axes.set_title(f"{name.replace('_', ' ')}; reference: {reference.source}", fontsize=10)
     axes.grid(alpha=0.3)
-    axes.legend(frameon=False, fontsize=8)
+    axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
     return path
 
 
+def _draw_runs(axes: Any, results: Sequence[Any]) -> None:
+    """Curves by colour; grey lines in the legend tell the styles of the resolutions."""
+    labels: dict[str, str] = {}
+    for k, result in enumerate(reversed(results)):
+        for curve in (curve for curve in result.chart.curves if not curve.reference):
+            new = curve.label not in labels
+            colour = labels.setdefault(curve.label, COLOURS[len(labels) % len(COLOURS)])
+            axes.plot(
+                curve.x, curve.y, LINES[k % len(LINES)], color=colour, linewidth=1.4,
+                label=curve.label if new else None,
+            )  # fmt: skip
+    for k, result in enumerate(reversed(results)):
+        axes.plot([], [], LINES[k % len(LINES)], color="grey", label=_size(result))
+
+
 def _size(result: Any) -> str:
-    others = [f"{k} = {v}" for k, v in result.arguments.items() if isinstance(v, str)]
+    others = [f"{k} = {v}" for k, v in result.arguments.items() if k != "dx"]
     return ", ".join([f"dx = {result.dx:.3g} m", *others])
 
 
 def _draw_references(axes: Any, result: Any) -> None:
-    seen = set()
-    for curve in result.chart.curves:
-        if not curve.reference:
-            continue
-        few = len(curve.x) <= MANY
+    """All in black, with one line in the legend where there are many."""
+    references = [curve for curve in result.chart.curves if curve.reference]
+    for k, curve in enumerate(references):
+        label = curve.label if len(references) <= 3 else "reference"
         axes.plot(
-            curve.x, curve.y, "o" if few else "-", color="black", markersize=4, linewidth=0.9,
-            markerfacecolor="white", zorder=3 if few else 1,
-            label=curve.label if curve.label not in seen else None,
+            curve.x, curve.y, "o", color="black", markersize=4, markerfacecolor="none",
+            markevery=max(len(curve.x) // MARKERS, 1), zorder=3,
+            label=label if len(references) <= 3 or k == 0 else None,
         )  # fmt: skip
-        seen.add(curve.label)

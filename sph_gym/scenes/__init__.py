@@ -14,10 +14,17 @@ _SCENES = (
     "drop_impact",
     "hydrostatic_tank",
     "relaxation",
+    "elliptical_drop",
+    "oscillating_drop",
+    "perturbed_lattice",
+    "rotating_square",
+    "colliding_patches",
     "poiseuille",
     "couette",
     "lid_driven_cavity",
     "taylor_green",
+    "standing_wave",
+    "sloshing",
     "water_jet",
 )
 

@@ -1,12 +1,15 @@
 """A column of water collapses and runs along the floor: Martin & Moyce 1952, without the gate."""
 
 import math
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sph_gym.scenes.reference import read
+from sph_gym.scenes import martin_moyce, shallow, tanks
+from sph_gym.scenes.martin_moyce import front as front
+from sph_gym.scenes.martin_moyce import front_error as front_error
+from sph_gym.scenes.martin_moyce import front_history as front_history
+from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -20,10 +23,15 @@ def dam_break(
     height: float = 1.0,
     tank: float = 7.0,
     gravity: float = 9.81,
+    wet_bed: float = 0.0,
+    obstacle: float = 0.0,
+    obstacle_at: float = 4.0,
 ) -> Scene:
     """Column at the left wall of a tank `tank` column widths long.
 
-    width, height: of the column [m], rounded to multiples of dx; gravity: downwards [m/s^2].
+    width, height: of the column [m], rounded to multiples of dx; gravity: downwards [m/s^2];
+    wet_bed: depth [m] of the water that is already on the floor; obstacle: height [m] of a block
+    on the floor, half as wide as high, 0 for none; obstacle_at: its left face, in column widths.
     Lasts for 4 sqrt(width / g) of collapse and until the front could have crossed the tank and
     come half the way back.
     """
@@ -31,57 +39,102 @@ def dam_break(
     height, gravity = in_range("height", height, 3 * dx), positive("gravity", gravity)
     length = snap(width * in_range("tank", tank, 1.0), dx)
     sides = 1.25 * height
+    x, walls = lattice(0.0, width, 0.0, height, dx), tank_particles(length, sides, dx)
+    start = snap(width, dx)
+    if in_range("wet_bed", wet_bed, 0.0, 0.9 * height) > 0 and length - start > dx / 2:
+        x = np.concatenate([x, lattice(start, length, 0.0, snap(wet_bed, dx), dx)])
+    if in_range("obstacle", obstacle, 0.0, sides) > 0:
+        block = _block(obstacle, obstacle_at, width, length, dx)
+        left, right, floor, top = block
+        inside = (x > (left, floor)) & (x < (right, top))
+        x = x[~inside.all(axis=1)]
+        walls = np.concatenate([walls, lattice(*block, dx)])
     return Scene(
         "dam_break",
-        x=lattice(0.0, width, 0.0, height, dx),
+        x=x,
         dx=dx,
         h=2.6 * dx,
         fluid=Fluid(c0=sound_speed(math.sqrt(2 * gravity * height))),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
-        walls=Walls(
-            particles=tank_particles(length, sides, dx),
-            box=(0.0, length, 0.0, math.inf),
-        ),
+        walls=Walls(particles=walls, box=(0.0, length, 0.0, math.inf)),
         duration=4 * math.sqrt(width / gravity) + 0.75 * length / math.sqrt(gravity * height),
         frame=0.05 * math.sqrt(height / gravity),
     )
 
 
-def front(sim: Simulation) -> float:
-    """Position of the surge front [m]: the foremost fluid particle's edge."""
-    return float(sim.x[: sim.n_fluid, 0].max()) + sim.scene.dx / 2
+def _block(
+    height: float, at: float, width: float, length: float, dx: float
+) -> tuple[float, float, float, float]:
+    """The sides of the obstacle [m]; at least three particles thick, as all walls are."""
+    thick = max(snap(height / 2, dx), 3 * dx)
+    last = (length - thick) / width
+    left = snap(width * in_range("obstacle_at", at, 1.0, last), dx)
+    return left, left + thick, 0.0, snap(height, dx)
 
 
-def front_history(
-    sim: Simulation,
-    width: float,
-    gravity: float = 9.81,
-    last: float = 3.4,
-    look: Callable[[Simulation], None] | None = None,
-) -> NDArray[np.float64]:
-    """Run to T = `last`. Returns (n, 2): T = t sqrt(2 g / width), front / width.
-
-    look: called after each of the about fifty legs per unit of T.
-    Raises RuntimeError if the simulation blows up.
-    """
-    unit = math.sqrt(width / (2 * gravity))
-    history = [(0.0, front(sim) / width)]
-    while sim.time < last * unit:
-        if sim.advance(0.02 * unit).diverged:
-            raise RuntimeError(f"the dam break blew up at t = {sim.time:g} s")
-        if look is not None:
-            look(sim)
-        history.append((sim.time / unit, front(sim) / width))
-    return np.array(history)
+def expected(scene: Scene) -> tuple[martin_moyce.Column, shallow.Stoker | None]:
+    """The column, and what shallow water makes of a wet bed if there is one."""
+    water, gravity = martin_moyce.column(scene), -float(scene.effects.gravity_at(0.0)[1])
+    wet = water.wet_bed > 0
+    return water, shallow.stoker(water.height, water.wet_bed, gravity) if wet else None
 
 
-def front_error(history: NDArray[np.float64], shift: float = 0.0) -> float:
-    """RMS over the measured points up to T = 3.3 of (simulated - measured) / measured position.
+def error(sim: Simulation) -> float:
+    """Front off the measured one at this moment, in % of the latter; 0 where there is none."""
+    return 100 * martin_moyce.present_error(sim)
 
-    shift: added to the simulated time, since the gate of the experiment needed time to open.
-    Source: Martin & Moyce 1952, table 2, n^2 = 2.
-    """
-    measured = read("martin_moyce_1952_front_n2_2.csv")
-    measured = measured[measured[:, 0] <= 3.3]
-    simulated = np.interp(measured[:, 0], history[:, 0] + shift, history[:, 1])
-    return float(np.sqrt(np.mean((simulated / measured[:, 1] - 1) ** 2)))
+
+def observe(sim: Simulation) -> dict[str, Any]:
+    """Front, height at the left wall and bore on a wet bed [m], and what is asked of any tank."""
+    water, flow = expected(sim.scene)
+    half = 0.0 if flow is None else (flow.depth + water.wet_bed) / 2
+    return {
+        "front": front(sim),
+        "height": martin_moyce.left_height(sim),
+        "bore": 0.0 if flow is None else shallow.bore(sim, half),
+        **tanks.observe(sim),
+    }
+
+
+def judge(run: Run) -> list[Measure]:
+    """Front and height where they were measured, the bore on a wet bed, and what can't be."""
+    scene, found = run.sim.scene, list[Measure]()
+    water, flow = expected(scene)
+    if martin_moyce.measured(scene):
+        found = martin_moyce.judge(run, fine=water.width / scene.dx > 39.5)
+    elif flow is not None and not martin_moyce.has_obstacle(scene):
+        # a column that lasts, and rows enough in the bed for a bore
+        fine = water.width > 3 * water.height and water.wet_bed > 5.5 * scene.dx
+        speed = shallow.bore_speed(run.times, run.series("bore"), water.width, tanks.box(scene)[1])
+        off = 100 * abs(speed / flow.bore - 1)
+        found = [Measure("speed of the bore", off, "%", 5.0 if fine else None)]
+    return [*found, *tanks.judge(run)]
+
+
+def chart(run: Run) -> Chart:
+    """Front and height at the wall over time, in widths and heights of the column; or the bore."""
+    water, flow = expected(run.sim.scene)
+    if flow is None:
+        labels = "t sqrt(2 g / width) [-]", "front / width, height / initial height [-]"
+        return Chart(*labels, martin_moyce.curves(run))
+    path = np.minimum(water.width + flow.bore * run.times, tanks.box(run.sim.scene)[1])
+    curves = [
+        Curve("bore", run.times, run.series("bore")),
+        Curve("bore, shallow water", run.times, path, reference=True),
+    ]
+    return Chart("time [s]", "place of the bore [m]", curves)
+
+
+REFERENCE = Reference(
+    source="Martin & Moyce 1952, tables 2 and 6, n^2 = 2; Stoker 1957 for the wet bed",
+    unit="% of the measured front",
+    error=error,
+    observe=observe,
+    judge=judge,
+    chart=chart,
+    resolutions=(
+        {"dx": 0.025},
+        {"dx": 0.0125},
+        {"dx": 0.01, "width": 0.8, "height": 0.2, "tank": 4.0, "wet_bed": 0.06},
+    ),
+)

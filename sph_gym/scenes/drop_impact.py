@@ -1,12 +1,17 @@
 """A round drop falls onto a shallow pool: free fall, a violent impact, then calm sloshing."""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sph_gym.scenes import tanks
+from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
+from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.walls import Walls
 
 
@@ -52,3 +57,90 @@ def drop_impact(
         duration=fall + 1.5 * width / math.sqrt(gravity * pool_depth),
         frame=0.06 * math.sqrt(centre[1] / gravity),
     )
+
+
+class Fall(NamedTuple):
+    """How the drop falls while nothing touches it.
+
+    drop: (n,) which particles it is made of; start: its centre [m]; gap: between it and the pool
+    [m]; gravity: downwards [m/s^2]; until: when the first of them are within h of each other [s].
+    """
+
+    drop: NDArray[np.bool_]
+    start: NDArray[np.float64]
+    gap: float
+    gravity: float
+    until: float
+
+    def height(self, times: Any) -> Any:
+        """Of the centre [m], at times [s]."""
+        return self.start[1] - self.gravity / 2 * times**2
+
+
+def fall(scene: Scene) -> Fall:
+    """The free fall of a scene's drop: what is above the widest gap between heights."""
+    x = np.asarray(scene.x)
+    heights = np.sort(x[:, 1])
+    below = int(np.argmax(np.diff(heights)))
+    drop = x[:, 1] > heights[below] + scene.dx / 2
+    gap = float(heights[below + 1] - heights[below])
+    gravity = -float(scene.effects.gravity_at(0.0)[1])
+    until = math.sqrt(2 * max(gap - scene.h, 0.0) / gravity)
+    return Fall(drop, x[drop].mean(axis=0), gap, gravity, until)
+
+
+def centre(sim: Simulation) -> NDArray[np.float64]:
+    """(2,) of what was the drop [m]."""
+    return sim.x[: sim.n_fluid].astype(float)[fall(sim.scene).drop].mean(axis=0)
+
+
+def error(sim: Simulation) -> float:
+    """The drop's centre off the parabola of free fall, in % of the way to the pool.
+
+    0 once the drop has come so near that the pool acts on it.
+    """
+    free = fall(sim.scene)
+    if sim.time > free.until:
+        return 0.0
+    off = centre(sim) - (free.start[0], free.height(sim.time))
+    return float(100 * np.hypot(*off) / free.gap)
+
+
+def observe(sim: Simulation) -> dict[str, Any]:
+    """Error [%], height of the drop's centre [m], and what is asked of any tank."""
+    return {"error": error(sim), "height": float(centre(sim)[1]), **tanks.observe(sim)}
+
+
+def judge(run: Run) -> list[Measure]:
+    """Free fall, and what can't be once it is over."""
+    scene = run.sim.scene
+    fine = fall(scene).gap / scene.dx > 39.5
+    return [
+        Measure("free fall", run.series("error").max(), "% of the way", 0.1 if fine else None),
+        *tanks.judge(run),
+    ]
+
+
+def chart(run: Run) -> Chart:
+    """The height of the drop's centre, and the parabola of its fall."""
+    free = fall(run.sim.scene)
+    times = np.linspace(0.0, free.until, 50)
+    return Chart(
+        "time [s]",
+        "height of the drop's centre [m]",
+        [
+            Curve("free fall", times, free.height(times), reference=True),
+            Curve("simulated", run.times, run.series("height")),
+        ],
+    )
+
+
+REFERENCE = Reference(
+    source="free fall: y = y0 - g t^2 / 2; no energy from nowhere",
+    unit="% of the way to the pool",
+    error=error,
+    observe=observe,
+    judge=judge,
+    chart=chart,
+    resolutions=({"dx": 0.02}, {"dx": 0.01}),
+)

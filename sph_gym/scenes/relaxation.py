@@ -1,12 +1,16 @@
 """The article's isolation test: no gravity, no walls, a jittered blob in empty space."""
 
 import math
+from typing import Any
 
 import numpy as np
 
+from sph_gym.scenes.free_bodies import conserved, momentum_measures
+from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, positive, whole
 from sph_gym.solver.geometry import lattice
 from sph_gym.solver.scene import Effects, Fluid, Scene
+from sph_gym.solver.simulation import Simulation
 
 
 def relaxation(
@@ -36,3 +40,61 @@ def relaxation(
         duration=2.0,
         frame=0.04 * math.sqrt(diameter / 0.5),
     )
+
+
+def error(sim: Simulation) -> float:
+    """Change of the radius since the start [%]."""
+    return 100 * abs(radius(sim.x) / radius(np.asarray(sim.scene.x)) - 1)
+
+
+def radius(x: np.ndarray) -> float:
+    """Distance of the outermost particle from the origin [m]."""
+    return float(np.hypot(*x.T).max())
+
+
+def observe(sim: Simulation) -> dict[str, Any]:
+    """Radius [m], median distance to the nearest neighbour [dx], centre [m], and momenta."""
+    numbers = sim.diagnostics()
+    return {
+        "radius": radius(sim.x),
+        "spacing": numbers["median_spacing"],
+        "centre": float(np.hypot(numbers["com_x"], numbers["com_y"])),
+        **conserved(sim),
+    }
+
+
+def judge(run: Run) -> list[Measure]:
+    """Whether the blob settled where it was."""
+    kinetic = run.series("kinetic")
+    last = run.seen[-1]
+    return [
+        Measure("change of radius", error(run.sim), "%", 5.0),
+        Measure("kinetic energy", float(kinetic[-1] / kinetic.max()), "of peak", 1e-6),
+        Measure("median spacing off dx", 100 * abs(last["spacing"] - 1), "%", 5.0),
+        Measure("centre of mass", last["centre"], "m", 1e-12),
+        *momentum_measures(run, angular=False),
+    ]
+
+
+def chart(run: Run) -> Chart:
+    """The radius in time."""
+    size = run.series("radius")
+    return Chart(
+        "time [s]",
+        "radius [m]",
+        [
+            Curve("simulated", run.times, size),
+            Curve("at the start", run.times[[0, -1]], size[[0, 0]], reference=True),
+        ],
+    )
+
+
+REFERENCE = Reference(
+    source="a body at rest stays where it is",
+    unit="%",
+    error=error,
+    observe=observe,
+    judge=judge,
+    chart=chart,
+    resolutions=({"dx": 0.025}, {"dx": 0.0125}),
+)

@@ -1,0 +1,131 @@
+"""Two equal patches of water hit each other head on: the kinetic energy that an impact costs."""
+
+import math
+
+import numpy as np
+
+from sph_gym.scenes.free_bodies import conserved, energy_measures, momentum_measures
+from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.geometry import lattice, snap
+from sph_gym.solver.scene import Effects, Fluid, Scene
+from sph_gym.solver.simulation import Simulation
+
+
+def colliding_patches(
+    dx: float = 0.025,
+    length: float = 1.0,
+    height: float = 1.0,
+    speed: float = 1.0,
+    gap: float = 0.0,
+) -> Scene:
+    """Two patches in empty space that move towards each other along x, `speed` [m/s] each.
+
+    length, height: of either [m], rounded to multiples of dx; gap: between them at the start [m].
+    What the impact costs goes into sound. Its tension is physical, so nothing is cut off; the
+    diffusion of density damps it, and nothing else rubs.
+    """
+    dx, speed = positive("dx", dx), positive("speed", speed)
+    length = snap(in_range("length", positive("length", length), 3 * dx), dx)
+    height = snap(in_range("height", positive("height", height), 3 * dx), dx)
+    gap = in_range("gap", gap, 0.0)
+    right = lattice(gap / 2, gap / 2 + length, -height / 2, height / 2, dx)
+    towards = np.zeros_like(right)
+    towards[:, 0] = -speed
+    time = length / speed
+    return Scene(
+        "colliding_patches",
+        x=np.concatenate([right, right * (-1, 1)]),
+        v=np.concatenate([towards, -towards]),
+        dx=dx,
+        h=3.25 * dx,
+        # Mach 0.02: what an impact does in an incompressible fluid it does here in a moment
+        fluid=Fluid(c0=50 * speed, kernel="wendland_c2", clamp=False),
+        effects=Effects(continuity=True, density_diffusion=0.1, tensile_correction=0.1),
+        duration=time + gap / (2 * speed),
+        frame=time / 100,
+        integrator="kick_drift_kick",
+    )
+
+
+def start(scene: Scene) -> tuple[float, float]:
+    """Length and height [m] of either patch."""
+    x = np.asarray(scene.x)
+    right = x[: len(x) // 2]
+    length, height = np.ptp(right, axis=0) + scene.dx
+    return float(length), float(height)
+
+
+def impact_loss(length: float, height: float) -> float:
+    """The share of the kinetic energy that the impact of two incompressible patches costs.
+
+    The impulse P of the pressure makes the velocity divergence-free at one blow: laplacian P = 0,
+    P = 0 on the free sides, dP/dx = - rho u where they meet. As a sine series along that line,
+    of half the momentum times u, it is 8 H / (pi^3 n^3 L) tanh(n pi L / H), summed over odd n.
+    Source: Lagrange's impulsive pressure; for patches: Marrone, Colagrossi, Di Mascio, Le Touze
+    2015.
+    """
+    n = np.arange(1, 2001, 2) * math.pi
+    return float((8 * height / length * np.tanh(n * length / height) / n**3).sum())
+
+
+def energy_lost(sim: Simulation) -> float:
+    """The share of the kinetic energy that has gone."""
+    began = 0.5 * sim.mass * float((np.asarray(sim.scene.v) ** 2).sum())
+    return 1 - sim.diagnostics()["kinetic_energy"] / began
+
+
+def asymmetry(sim: Simulation) -> float:
+    """Mean distance [dx] between a particle and the mirror image of its twin."""
+    right, left = np.split(sim.x, 2)
+    return float(np.hypot(*(right * (-1, 1) - left).T).mean()) / sim.scene.dx
+
+
+def error(sim: Simulation) -> float:
+    """Energy lost against the loss by the impact of incompressible patches [% of the energy]."""
+    return 100 * abs(energy_lost(sim) - impact_loss(*start(sim.scene)))
+
+
+def observe(sim: Simulation) -> dict[str, float]:
+    """The share of the kinetic energy lost, the asymmetry, and what is conserved."""
+    return {"lost": energy_lost(sim), "asymmetry": asymmetry(sim), **conserved(sim)}
+
+
+def judge(run: Run) -> list[Measure]:
+    """Energy lost, symmetry and momentum; the bound holds for forty particles along a patch."""
+    _, height = start(run.sim.scene)
+    fine = height / run.sim.scene.dx > 39.5
+    lost = Measure(
+        "energy lost, against the impact", error(run.sim), "% of the energy", 5.0 if fine else None
+    )
+    return [
+        lost,
+        *energy_measures(run),
+        Measure("asymmetry", float(run.series("asymmetry").max()), "dx"),
+        *momentum_measures(run),
+    ]
+
+
+def chart(run: Run) -> Chart:
+    """The kinetic energy in time."""
+    left = 1 - impact_loss(*start(run.sim.scene))
+    return Chart(
+        "time [s]",
+        "kinetic energy / that before the impact",
+        [
+            Curve("simulated", run.times, 1 - run.series("lost")),
+            Curve("incompressible", run.times[[0, -1]], [left, left], reference=True),
+        ],
+    )
+
+
+REFERENCE = Reference(
+    source="Marrone et al. 2015: the loss by the impact of incompressible patches, as a series",
+    unit="% of the energy",
+    error=error,
+    observe=observe,
+    judge=judge,
+    chart=chart,
+    resolutions=({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80}),
+    quick=2,
+)

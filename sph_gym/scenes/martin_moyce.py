@@ -1,0 +1,152 @@
+"""The collapse of a column of water on a dry floor, as measured by Martin & Moyce 1952."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.scenes import tanks
+from sph_gym.scenes.reference import Curve, Measure, Run, read
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Simulation
+
+# Of simulated T, for the gate of the experiment needed time to open.
+SHIFTS = np.linspace(0.0, 0.4, 81)
+# The front is compared up to this T, and has then come so many widths far.
+LAST, FARTHEST = 3.3, 4.5
+
+
+class Column(NamedTuple):
+    """The water at the start [m]: width and height of the column, depth of the bed ahead of it."""
+
+    width: float
+    height: float
+    wet_bed: float
+
+
+def column(scene: Scene) -> Column:
+    """The column of a scene at its start."""
+    x, y = np.asarray(scene.x).T
+    height = float(y.max()) + scene.dx / 2
+    width = float(x[y > height - scene.dx].max()) + scene.dx / 2
+    bed = y[x > width]
+    return Column(width, height, float(bed.max()) + scene.dx / 2 if len(bed) else 0.0)
+
+
+def has_obstacle(scene: Scene) -> bool:
+    """Whether a block stands on the floor."""
+    left, right, floor, _ = tanks.box(scene)
+    assert scene.walls is not None
+    x, y = np.asarray(scene.walls.particles).T
+    return bool(((x > left) & (x < right) & (y > floor)).any())
+
+
+def measured(scene: Scene) -> bool:
+    """Whether there are measurements: a column twice as high as wide, on a dry, empty floor."""
+    water = column(scene)
+    free = tanks.box(scene)[1] > FARTHEST * water.width and not has_obstacle(scene)
+    return free and water.wet_bed == 0 and abs(water.height / water.width - 2) < 0.1
+
+
+def front(sim: Simulation) -> float:
+    """Position of the surge front [m]: the foremost fluid particle's edge."""
+    return float(sim.x[: sim.n_fluid, 0].max()) + sim.scene.dx / 2
+
+
+def left_height(sim: Simulation) -> float:
+    """Height of the water at the left wall [m]: the edge of its highest particle there."""
+    x, y = sim.x[: sim.n_fluid].astype(float).T
+    near = y[x < sim.scene.h]
+    return float(near.max()) + sim.scene.dx / 2 if len(near) else 0.0
+
+
+def front_error(history: NDArray[np.float64], shift: float = 0.0) -> float:
+    """RMS over the measured points up to T = 3.3 of (simulated - measured) / measured position.
+
+    history: (n, 2) T = t sqrt(2 g / width) and front / width; shift: added to the simulated time,
+    since the gate of the experiment needed time to open. Source: table 2, n^2 = 2.
+    """
+    table = read("martin_moyce_1952_front_n2_2.csv")
+    table = table[table[:, 0] <= LAST]
+    simulated = np.interp(table[:, 0], history[:, 0] + shift, history[:, 1])
+    return float(np.sqrt(np.mean((simulated / table[:, 1] - 1) ** 2)))
+
+
+def height_error(history: NDArray[np.float64]) -> float:
+    """RMS over the measured points of simulated - measured height, of the initial height.
+
+    history: (n, 2) tau = t sqrt(g / width) and height at the left wall / initial height.
+    Source: table 6, n^2 = 2.
+    """
+    table = read("martin_moyce_1952_height_n2_2.csv")
+    table = table[table[:, 0] <= history[-1, 0]]
+    simulated = np.interp(table[:, 0], *history.T)
+    return float(np.sqrt(np.mean((simulated - table[:, 1]) ** 2)))
+
+
+def front_history(
+    sim: Simulation,
+    width: float,
+    gravity: float = 9.81,
+    last: float = 3.4,
+    look: Callable[[Simulation], None] | None = None,
+) -> NDArray[np.float64]:
+    """Run to T = `last`. Returns (n, 2): T = t sqrt(2 g / width), front / width.
+
+    look: called after each of the about fifty legs per unit of T.
+    Raises RuntimeError if the simulation blows up.
+    """
+    unit = math.sqrt(width / (2 * gravity))
+    history = [(0.0, front(sim) / width)]
+    while sim.time < last * unit:
+        if sim.advance(0.02 * unit).diverged:
+            raise RuntimeError(f"the dam break blew up at t = {sim.time:g} s")
+        if look is not None:
+            look(sim)
+        history.append((sim.time / unit, front(sim) / width))
+    return np.array(history)
+
+
+def present_error(sim: Simulation) -> float:
+    """Front off the measured one now, as a share of the latter; 0 where and when there is none."""
+    table, width = read("martin_moyce_1952_front_n2_2.csv"), column(sim.scene).width
+    gravity = -float(sim.scene.effects.gravity_at(sim.time)[1])
+    moment = sim.time * math.sqrt(2 * gravity / width)
+    if not measured(sim.scene) or not table[0, 0] <= moment <= table[-1, 0]:
+        return 0.0
+    return abs(front(sim) / width / float(np.interp(moment, *table.T)) - 1)
+
+
+def histories(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, 2) T and front / width; (n, 2) tau and height / initial height; as observed in a run."""
+    water, scene = column(run.sim.scene), run.sim.scene
+    tau = run.times * math.sqrt(-float(scene.effects.gravity_at(0.0)[1]) / water.width)
+    fronts, heights = run.series("front") / water.width, run.series("height") / water.height
+    return np.stack([math.sqrt(2) * tau, fronts], axis=-1), np.stack([tau, heights], axis=-1)
+
+
+def judge(run: Run, fine: bool) -> list[Measure]:
+    """Front and height over time; fine: whether the bounds are meant for this resolution."""
+    fronts, heights = histories(run)
+    best = min(front_error(fronts, shift) for shift in SHIFTS)
+    return [
+        Measure("front, RMS", 100 * front_error(fronts), "%", 8.0 if fine else None),
+        Measure("front, RMS at the best time shift", 100 * best, "%", 3.5 if fine else None),
+        Measure("height at the wall, RMS", 100 * height_error(heights), "% of the initial one"),
+    ]
+
+
+def curves(run: Run) -> list[Curve]:
+    """Front and height at the wall over T, and the measured ones where there are any."""
+    fronts, heights = histories(run)
+    drawn = [Curve("front", *fronts.T), Curve("height", fronts[:, 0], heights[:, 1])]
+    if measured(run.sim.scene):
+        front_x, front_y = read("martin_moyce_1952_front_n2_2.csv").T
+        tau, height = read("martin_moyce_1952_height_n2_2.csv").T
+        drawn += [
+            Curve("front, measured", front_x, front_y, reference=True),
+            Curve("height, measured", math.sqrt(2) * tau, height, reference=True),
+        ]
+    return drawn

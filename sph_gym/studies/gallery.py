@@ -1,5 +1,6 @@
 """One picture per validated scene: the runs at all resolutions, with the reference drawn in."""
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,22 +17,30 @@ MARKERS = 30
 def draw(name: str, reference: Reference, results: Sequence[Any], path: Path) -> Path:
     """Draw the charts of some `validation.Result` into one PNG file; its path.
 
-    Colours tell the curves of a chart apart, line styles the resolutions, the finest one solid; a
-    reference is open black circles. Raises ImportError that names the extra to install.
+    Charts of the same axes go into one frame. Colours tell their curves apart, line styles the
+    resolutions, the finest one solid; a reference is open black circles.
+    Raises ImportError that names the extra.
     """
     try:
         from matplotlib.figure import Figure
     except ImportError:
         raise ImportError('plots need more: pip install "sph_gym[studies]"') from None
-    figure = Figure(figsize=(8, 5), layout="constrained")
-    axes = figure.add_subplot()
-    _draw_runs(axes, results)
-    _draw_references(axes, results[-1])
-    axes.set_xlabel(results[-1].chart.x_label)
-    axes.set_ylabel(results[-1].chart.y_label)
-    axes.set_title(f"{name.replace('_', ' ')}; reference: {reference.source}", fontsize=10)
-    axes.grid(alpha=0.3)
-    axes.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    charts: dict[tuple[str, str], list[Any]] = {}
+    for result in results:
+        charts.setdefault((result.chart.x_label, result.chart.y_label), []).append(result)
+    figure = Figure(figsize=(7 * len(charts), 6), layout="constrained")
+    every = figure.subplots(1, len(charts), squeeze=False)[0]
+    for axes, (labels, alike) in zip(every, charts.items(), strict=True):
+        _draw_runs(axes, alike)
+        _draw_references(axes, alike[-1])
+        axes.set_xlabel(labels[0])
+        axes.set_ylabel(labels[1])
+        axes.grid(alpha=0.3)
+        axes.legend(
+            frameon=False, fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.1)
+        )
+    title = textwrap.fill(f"{name.replace('_', ' ')}; reference: {reference.source}", 90)
+    figure.suptitle(title, fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
     return path

@@ -1,14 +1,31 @@
 """What the solver is tested on: every effect alone, none, and all together, on all sorts of clouds.
 
-All lengths in metres; dx is 0.02 and a full cloud is a square of 12 x 12 particles.
+All lengths in metres; dx is 0.02 and a full cloud is a square of 12 x 12 particles. Every
+configuration is compiled, so those of the physics that came later are few and hold much each:
+test_terms.py looks at their pieces one by one, uncompiled.
 """
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numba.core import config
 
-from sph_gym import Controls, Effects, Fluid, Scene, Simulation, Walls, lattice, tank_particles
+from sph_gym import (
+    CentralGravity,
+    Controls,
+    Effects,
+    Fluid,
+    Motion,
+    RecordedGravity,
+    RollingTank,
+    Scene,
+    ShakenGravity,
+    Simulation,
+    Walls,
+    lattice,
+    tank_particles,
+)
 
 DX = 0.02
 WIDTH = 12 * DX
@@ -25,6 +42,88 @@ TANK = tank_particles(WIDTH, 1.25 * WIDTH, DX)
 BOX = (0.0, WIDTH, 0.0, np.inf)
 WALLS = Walls(particles=TANK, box=BOX, restitution=0.5)
 
+# --- Physics that came later ---------------------------------------------------------------
+
+# wide enough for the widest support, 4 dx, which it then fits as narrowly as it may
+PERIOD = (-2 * DX, WIDTH + 2 * DX)
+FLOOR = lattice(*PERIOD, -3 * DX, 0.0, DX)
+CEILING = lattice(*PERIOD, 1.25 * WIDTH, 1.25 * WIDTH + 3 * DX, DX)
+# the floor is a belt, the ceiling a piston
+CHANNEL = np.concatenate([FLOOR, CEILING])
+BELT = np.where(CHANNEL[:, 1:] < 0, (1.5, 0.0), (0.0, 0.0))
+PISTON = Motion(
+    (0.0, -0.4), (0.2 * DX, 0.1 * DX), 30.0, particles=CHANNEL[:, 1] > 0, sides=("top",)
+)
+PLATE = (0.3 * WIDTH, 0.4 * WIDTH, 0.6 * WIDTH, 0.8 * WIDTH)
+HOLD = 1.2 * WIDTH
+MOVING = Walls(
+    CHANNEL,
+    box=(-np.inf, np.inf, 0.0, HOLD),
+    restitution=0.5,
+    pressure="extrapolated",
+    velocity=BELT,
+    motion=PISTON,
+    plates=[PLATE, (*PLATE[2:], 0.9 * WIDTH, 0.1 * WIDTH)],
+    period_x=PERIOD,
+)
+PAIRS = Effects(
+    gravity=(1.5, -9.81),
+    xsph=True,
+    artificial_viscosity=0.3,
+    laminar_viscosity=0.02,
+    surface_tension=0.5,
+    quadratic_viscosity=0.7,
+    viscosity_form="morris",
+    tensile_correction=0.2,
+    shifting=2.0,
+)
+INTEGRATED = replace(PAIRS, continuity=True, density_diffusion=0.1)
+SHAKEN = ShakenGravity(1.0, -9.81, (5.0, 3.0), 25.0)
+ROLLING = RollingTank(9.81, 0.3, 15.0, (0.1, -0.05))
+RECORDED = RecordedGravity([(0.0, -9.0), (3.0, -7.0), (-1.0, -10.0), (2.0, 5.0)], 4e-4)
+FREE = replace(WATER, clamp=False)
+LATER = {
+    "pair effects": {"effects": PAIRS, "fluid": replace(FREE, kernel="spiky")},
+    "extrapolated": {
+        "effects": replace(ALL_EFFECTS, gravity=RECORDED, xsph=False),
+        "walls": replace(WALLS, pressure="extrapolated", velocity=(0.5, -1.0)),
+        "fluid": replace(WATER, kernel="wendland_c2"),
+    },
+    "periodic": {
+        "effects": replace(ALL_EFFECTS, gravity=None),
+        "walls": Walls(period_x=PERIOD, period_y=PERIOD),
+        "fluid": replace(FREE, kernel="cubic_spline"),
+    },
+    "plates": {"walls": Walls(plates=[PLATE], restitution=0.5)},
+    "moving": {
+        "effects": replace(ALL_EFFECTS, gravity=CentralGravity(20.0, 0.1, 0.15)),
+        "walls": Walls(CHANNEL, motion=PISTON, box=MOVING.box),
+        "integrator": "kick_drift_kick",
+    },
+    "channel": {
+        "effects": replace(ALL_EFFECTS, gravity=ROLLING),
+        "walls": Walls(CHANNEL, pressure="extrapolated", slip="free-slip", period_x=PERIOD),
+        "integrator": "predictor_corrector",
+    },
+    "all, euler": {
+        "effects": replace(INTEGRATED, gravity=SHAKEN),
+        "walls": MOVING,
+        "fluid": replace(FREE, kernel="cubic_spline"),
+    },
+    "all, kick": {
+        "effects": replace(INTEGRATED, gravity=SHAKEN),
+        "walls": MOVING,
+        "fluid": replace(FREE, kernel="quintic_spline"),
+        "integrator": "kick_drift_kick",
+    },
+    "all, predictor": {
+        "effects": replace(INTEGRATED, gravity=ROLLING),
+        "walls": MOVING,
+        "fluid": replace(FREE, kernel="wendland_c2", gamma=3.5),
+        "integrator": "predictor_corrector",
+    },
+}
+
 EVERYTHING = {"effects": ALL_EFFECTS, "walls": WALLS}
 CONFIGURATIONS = {
     "none": {},
@@ -40,7 +139,21 @@ CONFIGURATIONS = {
     "everything, linear": EVERYTHING | {"fluid": replace(WATER, eos="linear")},
     "everything, gamma 5.5": EVERYTHING | {"fluid": replace(WATER, gamma=5.5)},
     "everything, no clamp": EVERYTHING | {"fluid": replace(WATER, clamp=False)},
-}
+} | LATER
+
+
+# what would cost a compilation, and says as much without: the marks of a file
+UNCOMPILED = [
+    pytest.mark.without_jit,
+    pytest.mark.skipif(not config.DISABLE_JIT, reason="runs uncompiled: test_without_jit.py"),
+]
+
+
+def uncompiled(test):
+    """The same for one test."""
+    for mark in UNCOMPILED:
+        test = mark(test)
+    return test
 
 
 def square():

@@ -153,7 +153,117 @@ def calibrated_mass(kernel, h, dx, rho0):
     )
 
 
+# --- Gravity --------------------------------------------------------------------------------
+
+
+def gravity(field, time, x, v):
+    """(n, 2) [m/s^2] for a gravity of any kind; in a rolling tank, in the frame of the tank."""
+    kind = type(field).__name__
+    if field is None:
+        return np.zeros_like(x)
+    if kind == "Gravity":
+        share = min(time / field.ramp, 1.0) if field.ramp > 0 else 1.0
+        return np.zeros_like(x) + share * np.array([field.x, field.y])
+    if kind == "CentralGravity":
+        return -(field.omega**2) * (x - np.array([field.x, field.y]))
+    if kind == "ShakenGravity":
+        shake = np.sin(2 * np.pi * field.frequency * time)
+        return np.zeros_like(x) + np.array([field.x, field.y]) + shake * np.array(field.amplitude)
+    if kind == "RecordedGravity":
+        vectors = np.asarray(field.vectors)
+        times = field.interval * np.arange(len(vectors))
+        return np.zeros_like(x) + [np.interp(time, times, column) for column in vectors.T]
+    assert kind == "RollingTank"
+    # angle, angular velocity and acceleration about the axis that points at the reader
+    omega = 2 * np.pi * field.frequency
+    angle = field.amplitude * np.sin(omega * time)
+    spin = np.array([0, 0, field.amplitude * omega * np.cos(omega * time)])
+    change = np.array([0, 0, -field.amplitude * omega**2 * np.sin(omega * time)])
+    # a vector that stands still turns the other way when seen from the tank
+    back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    arm, velocity = (np.pad(a, ((0, 0), (0, 1))) for a in (x - np.array(field.pivot), v))
+    fictitious = (
+        -np.cross(change, arm) - np.cross(spin, np.cross(spin, arm)) - 2 * np.cross(spin, velocity)
+    )
+    return back @ np.array([0.0, -field.g]) + fictitious[:, :2]
+
+
+def mean_gravity(field):
+    """(2,) [m/s^2] the mean of its uniform part over a long time."""
+    kind = type(field).__name__
+    if kind in ("Gravity", "ShakenGravity"):
+        return np.array([field.x, field.y])
+    if kind == "RecordedGravity":
+        return np.mean(field.vectors, axis=0)
+    return np.array([0.0, -field.g]) if kind == "RollingTank" else np.zeros(2)
+
+
+# --- Surface tension ------------------------------------------------------------------------
+
+
+def cohesion_force(q, zero):
+    """Force between two particles at distance q h, repulsive where positive, of strength 1."""
+    return np.where(q < 1, q * (1 - q) ** 2 * (zero - q), 0.0)
+
+
+def cohesion_energy(r, h, zero):
+    """Work [J/N] of pulling two particles at distance r apart, for a strength of 1 N."""
+    nodes, weights = np.polynomial.legendre.leggauss(4)  # exact for polynomials of degree 7
+    half = (h - r) / 2
+    return -half * sum(
+        w * float(cohesion_force((r + half * (1 + node)) / h, zero))
+        for node, w in zip(nodes, weights, strict=True)
+    )
+
+
+def calibrated_cohesion(sigma, h, dx):
+    """(strength [N], zero) with which the square lattice has the surface tension sigma [N/m].
+
+    zero: without it, the virial - sum of r F - of the whole lattice would not vanish. Strength: a
+    lattice is cut in two along a row, and all pairs across the cut are pulled apart.
+    """
+    reach = range(-int(h / dx) - 1, int(h / dx) + 2)
+    distances = [np.hypot(i, j) * dx for i, j in product(reach, reach) if i or j]
+    q = np.array([r / h for r in distances if r < h])
+    # r F is linear in zero
+    without, of_one = (
+        q * cohesion_force(q, 0.0),
+        q * (cohesion_force(q, 1.0) - cohesion_force(q, 0)),
+    )
+    zero = -without.sum() / of_one.sum()
+    work = 0.0
+    # one column above the cut, everybody below
+    for row, below, i in product(reach, reach, reach):
+        r = np.hypot(i, row - below) * dx
+        if row > 0 >= below and r < h:
+            work += cohesion_energy(r, h, zero)
+    # two new surfaces, each of length dx
+    return 2 * sigma * dx / work, zero
+
+
 # --- The solver -----------------------------------------------------------------------------
+
+
+class Rates(NamedTuple):
+    """Acceleration (n, 2) [m/s^2], what is added to the velocity that moves particles (n, 2)
+    [m/s], d rho/dt by diffusion (n,) [kg/(m^3 s)].
+    """
+
+    a: np.ndarray
+    drift: np.ndarray
+    growth: np.ndarray
+
+
+class State(NamedTuple):
+    """x (n, 2) [m], v (n, 2) [m/s], rho (n,) [kg/m^3] of the fluid at a time [s], and the rates
+    at the last evaluation.
+    """
+
+    x: np.ndarray
+    v: np.ndarray
+    rho: np.ndarray
+    time: float
+    rates: Rates
 
 
 class Naive:
@@ -168,16 +278,55 @@ class Naive:
         self.gamma = {"tait": fluid.gamma, "linear": 1.0}[fluid.eos]
         has_wall_particles = walls is not None and walls.particles is not None
         self.wall_x = np.array(walls.particles) if has_wall_particles else np.empty((0, 2))
+        self.extrapolates = has_wall_particles and walls.pressure == "extrapolated"
 
-    def offsets(self, x):
-        """x_i - x_j (n, n, 2) [m] and their lengths (n, n) [m], walls included."""
-        everybody = np.concatenate([x, self.wall_x])
+    # --- walls ------------------------------------------------------------------------------
+
+    def stroke(self, time):
+        """How far moving walls have moved [m], their velocity and their acceleration."""
+        motion = None if self.scene.walls is None else self.scene.walls.motion
+        if motion is None:
+            return np.zeros(2), np.zeros(2), np.zeros(2)
+        constant, amplitude = np.array(motion.velocity), np.array(motion.amplitude)
+        omega = 2 * np.pi * motion.frequency
+        return (
+            constant * time + amplitude * np.sin(omega * time),
+            constant + amplitude * omega * np.cos(omega * time),
+            -amplitude * omega**2 * np.sin(omega * time),
+        )
+
+    def boundary(self, time):
+        """Positions, velocities and accelerations (n_walls, 2) of boundary particles."""
+        walls, n = self.scene.walls, len(self.wall_x)
+        sliding, moves = np.zeros((n, 2)), np.zeros((n, 1))
+        if n and walls.velocity is not None:
+            sliding = sliding + np.asarray(walls.velocity)
+        if n and walls.motion is not None:
+            chosen = walls.motion.particles
+            moves = np.ones((n, 1)) if chosen is None else np.array(chosen, float)[:, None]
+        shift, velocity, acceleration = self.stroke(time)
+        return self.wall_x + moves * shift, sliding + moves * velocity, moves * acceleration
+
+    @property
+    def periods(self):
+        """(axis, low, high) of every periodic direction."""
+        walls = self.scene.walls
+        ends = (None, None) if walls is None else (walls.period_x, walls.period_y)
+        return [(axis, *pair) for axis, pair in enumerate(ends) if pair is not None]
+
+    def offsets(self, x, time=0.0):
+        """x_i - x_j (n, n, 2) [m] to the nearest image and their lengths (n, n) [m], walls too."""
+        everybody = np.concatenate([x, self.boundary(time)[0]])
         offset = everybody[:, None] - everybody[None, :]
+        for axis, low, high in self.periods:
+            offset[..., axis] -= (high - low) * np.round(offset[..., axis] / (high - low))
         return offset, np.hypot(offset[..., 0], offset[..., 1])
 
-    def density(self, x):
-        """(n,) [kg/m^3], fluid and walls; every particle counts itself."""
-        _, r = self.offsets(x)
+    # --- densities and pressures ------------------------------------------------------------
+
+    def density(self, x, time=0.0):
+        """(n,) [kg/m^3], fluid and walls, by sums; every particle counts itself."""
+        _, r = self.offsets(x, time)
         return self.mass * self.kernel.density(r, self.h).sum(axis=1)
 
     def pressure(self, rho):
@@ -186,69 +335,273 @@ class Naive:
         p = self.controls.stiffness * ((rho / fluid.rho0) ** self.gamma - 1)
         return np.maximum(p, 0.0) if fluid.clamp else p
 
-    def gravity(self, time):
-        """(2,) [m/s^2]."""
-        g = self.scene.effects.gravity
-        if g is None:
-            return np.zeros(2)
-        return np.array([g.x, g.y]) * (min(time / g.ramp, 1.0) if g.ramp > 0 else 1.0)
+    def density_at(self, p):
+        """The inverse, and at least half the rest density."""
+        q = np.maximum(p / self.controls.stiffness + 1, 0.5**self.gamma)
+        return self.scene.fluid.rho0 * q ** (1 / self.gamma)
 
-    def acceleration(self, x, v, time):
-        """(n_fluid, 2) [m/s^2]; wall particles are at rest."""
-        n, h, effects = len(x), self.h, self.scene.effects
-        offset, r = self.offsets(x)
-        rho = self.density(x)
-        p = self.pressure(rho)
+    def fields(self, x, v, time=0.0, rho=None):
+        """rho, p (n,) of fluid and walls, and the velocities (n, 2) that viscosity sees.
+
+        rho: of the fluid, where it isn't a sum.
+        """
+        n = len(x)
+        wall_x, wall_v, wall_a = self.boundary(time)
+        summed = self.density(x, time)
+        if rho is not None:
+            summed[:n] = rho
+        p, seen = self.pressure(summed), np.concatenate([v, wall_v])
+        if not self.extrapolates:
+            return summed, p, seen
+        # Adami, Hu, Adams 2012, eqs. 23, 27 and 28, one boundary particle after the other
+        offset, r = self.offsets(x, time)
+        pull = gravity(self.scene.effects.gravity, time, wall_x, wall_v) - wall_a
+        for k, w in enumerate(range(n, len(summed))):
+            weights = self.kernel.density(r[w, :n], self.h)
+            if weights.sum() <= 1e-6 * self.kernel.density(np.zeros(1), self.h)[0]:
+                p[w], summed[w] = 0.0, self.scene.fluid.rho0
+                continue
+            column = (summed[:n, None] * offset[w, :n] * weights[:, None]).sum(axis=0)
+            p[w] = ((p[:n] * weights).sum() + pull[k] @ column) / weights.sum()
+            if self.scene.fluid.clamp:
+                p[w] = max(p[w], 0.0)
+            summed[w] = self.density_at(p[w])
+            if self.scene.walls.slip == "no-slip":
+                mean = (v * weights[:, None]).sum(axis=0) / weights.sum()
+                seen[w] = 2 * wall_v[k] - mean
+        return summed, p, seen
+
+    # --- rates ------------------------------------------------------------------------------
+
+    def rates(self, x, v, time=0.0, rho=None):
+        """All that changes a state."""
+        n, h, effects, m = len(x), self.h, self.scene.effects, self.mass
+        c0, walls = self.scene.fluid.c0, self.scene.walls
+        offset, r = self.offsets(x, time)
+        rho, p, seen = self.fields(x, v, time, rho)
         mean_rho = (rho[:, None] + rho[None, :]) / 2
-        velocity = np.concatenate([v, np.zeros_like(self.wall_x)])
+        velocity = np.concatenate([v, self.boundary(time)[1]])
         relative = velocity[:, None] - velocity[None, :]
+        # what the fluid rubs against
+        rubs = np.ones((n, len(rho)))
+        if walls is not None and walls.slip == "free-slip":
+            rubs[:, n:] = 0.0
+        relative_seen = v[:, None] - seen[None, :]
 
+        # only the rows of the fluid are wanted from here on
+        offset, r, mean_rho, relative = offset[:n], r[:n], mean_rho[:n], relative[:n]
         # coincident particles have no direction and so no force between them
         direction = np.divide(
             offset, r[..., None], out=np.zeros_like(offset), where=r[..., None] > 0
         )
-        grad = self.kernel.slope(r, h)[..., None] * direction
+        slope = self.kernel.slope(r, h)
+        grad = slope[..., None] * direction
 
-        stress = p[:, None] / rho[:, None] ** 2 + p[None, :] / rho[None, :] ** 2
-        if effects.artificial_viscosity is not None:
-            approach = (relative * offset).sum(axis=-1)
-            mu = h * approach / (r**2 + 0.01 * h**2)
-            pi = -effects.artificial_viscosity * self.scene.fluid.c0 * mu / mean_rho
-            pi[approach >= 0] = 0.0
-            stress = stress + pi
-        a = -self.mass * (stress[..., None] * grad).sum(axis=1)
+        stress = p[:n, None] / rho[:n, None] ** 2 + p[None, :] / rho[None, :] ** 2
+        stress = stress + self.tensile(r, p, rho)
+        approach = (relative_seen * offset).sum(axis=-1)
+        mu = h * np.minimum(approach, 0.0) / (r**2 + 0.01 * h**2)
+        alpha, beta = effects.artificial_viscosity or 0.0, effects.quadratic_viscosity or 0.0
+        stress = stress + rubs * (-alpha * c0 * mu + beta * mu**2) / mean_rho
+        a = -m * (stress[..., None] * grad).sum(axis=1)
 
         if effects.laminar_viscosity is not None:
-            drag = self.kernel.laplacian(r, h) / mean_rho
-            a -= effects.laminar_viscosity * self.mass * (drag[..., None] * relative).sum(axis=1)
-        return a[:n] + self.gravity(time)
+            if effects.viscosity_form == "morris":
+                drag = -2 * (offset * grad).sum(axis=-1) / (r**2 + 0.01 * h**2) / mean_rho
+            else:
+                drag = self.kernel.laplacian(r, h) / mean_rho
+            drag = effects.laminar_viscosity * m * rubs * drag
+            a -= (drag[..., None] * relative_seen).sum(axis=1)
+        if effects.surface_tension is not None:
+            s, zero = calibrated_cohesion(effects.surface_tension, h, self.scene.dx)
+            force = s * cohesion_force(r[:, :n] / h, zero)
+            a += (force[..., None] * direction[:, :n]).sum(axis=1) / m
+        a += gravity(effects.gravity, time, x, v)
+        return Rates(
+            a,
+            self.smoothing(v, r, mean_rho) + self.shift(grad, mean_rho),
+            self.growth(rho, offset, r, slope, mean_rho),
+        )
 
-    def xsph(self, x, v):
+    def tensile(self, r, p, rho):
+        """R f^4 of Monaghan 2000: f = W(r) / W(dx), R = R_i + R_j."""
+        n, epsilon = len(r), self.scene.effects.tensile_correction
+        if epsilon is None or self.h <= self.scene.dx:
+            return np.zeros_like(r)
+        stress = p / rho**2
+        under_tension = np.where(p < 0, epsilon * np.abs(stress), 0.0)
+        repulsion = under_tension[:n, None] + under_tension[None, :]
+        both_pushed = (p[:n, None] > 0) & (p[None, :] > 0)
+        repulsion += np.where(both_pushed, 0.01 * (stress[:n, None] + stress[None, :]), 0.0)
+        f = self.kernel.density(r, self.h) / self.kernel.density(np.array(self.scene.dx), self.h)
+        return repulsion * f**4
+
+    def smoothing(self, v, r, mean_rho):
         """(n_fluid, 2) [m/s]: eps sum m (v_j - v_i) W / mean density, over the fluid only."""
-        n = len(x)
-        r, rho = self.offsets(x)[1][:n, :n], self.density(x)[:n]
-        smoothing = self.kernel.density(r, self.h) / ((rho[:, None] + rho[None, :]) / 2)
+        n = len(v)
+        share = self.kernel.density(r[:, :n], self.h) / mean_rho[:, :n]
         differences = v[None, :] - v[:, None]
-        return self.eps * self.mass * (smoothing[..., None] * differences).sum(axis=1)
+        return self.eps * self.mass * (share[..., None] * differences).sum(axis=1)
+
+    def shift(self, grad, mean_rho):
+        """(n_fluid, 2) [m/s]: - A h U grad C, with U = 0.1 c0, but not faster than half of U."""
+        strength, speed = self.scene.effects.shifting, 0.1 * self.scene.fluid.c0
+        if strength is None:
+            return np.zeros((len(grad), 2))
+        concentration = (self.mass / mean_rho[..., None] * grad).sum(axis=1)
+        shift = -strength * self.h * speed * concentration
+        size = np.hypot(*shift.T)[:, None]
+        return shift * np.minimum(1.0, 0.5 * speed / np.maximum(size, 1e-300))
+
+    def growth(self, rho, offset, r, slope, mean_rho):
+        """(n_fluid,) [kg/(m^3 s)]: the diffusion of the density."""
+        n, effects, fluid = len(r), self.scene.effects, self.scene.fluid
+        if effects.density_diffusion is None:
+            return np.zeros(n)
+        # Molteni & Colagrossi 2009 with smoothing length h / 2, over the fluid only
+        pull = mean_gravity(effects.gravity)
+        c2 = self.gamma * self.controls.stiffness / fluid.rho0
+        at_rest = fluid.rho0 / c2 * (-offset[:, :n] @ pull)  # of j more than of i
+        gap = rho[None, :n] - rho[:n, None] - at_rest
+        # (r_j - r_i) . grad W / r^2
+        inward = np.divide(-slope[:, :n], r[:, :n], out=np.zeros((n, n)), where=r[:, :n] > 0)
+        flux = 2 * gap * inward * self.mass / mean_rho[:, :n]
+        return effects.density_diffusion * self.h / 2 * fluid.c0 * flux.sum(axis=1)
+
+    def summed(self, x, time):
+        """(n_fluid,) sum m W, W being what the pressure's gradient is the derivative of.
+
+        Its time derivative is the continuity equation's sum m v_ij . grad W.
+        """
+        r = self.offsets(x, time)[1][: len(x)]
+        if self.kernel is KERNELS["mueller"]:
+            # the integral of the spiky slope
+            return self.mass * (-self.kernel.slope(r, self.h) * (self.h - r) / 3).sum(axis=1)
+        return self.mass * self.kernel.density(r, self.h).sum(axis=1)
+
+    def grown(self, rho, x, time, new_x, new_time, diffused):
+        """Densities by continuity at new positions: what the sum has gained, and diffusion."""
+        return rho + self.summed(new_x, new_time) - self.summed(x, time) + diffused
+
+    def acceleration(self, x, v, time=0.0, rho=None):
+        """(n_fluid, 2) [m/s^2]."""
+        return self.rates(x, v, time, rho).a
+
+    # --- steps ------------------------------------------------------------------------------
+
+    def start(self, x, v, time=0.0, rho=None):
+        """The state from which to go on; by continuity, densities are those of rest."""
+        n = len(x)
+        if not self.scene.effects.continuity:
+            rho = self.density(x, time)[:n]
+        elif rho is None:
+            rho = np.full(n, self.scene.fluid.rho0)
+        return State(x, v, rho, time, self._rates_of(x, v, rho, time))
+
+    def _rates_of(self, x, v, rho, time):
+        return self.rates(x, v, time, rho if self.scene.effects.continuity else None)
+
+    def go_on(self, state, dt):
+        """The state a step later, by the scene's integrator."""
+        steps = {
+            "symplectic_euler": self._symplectic_euler,
+            "kick_drift_kick": self._kick_drift_kick,
+            "predictor_corrector": self._predictor_corrector,
+        }
+        new = steps[self.scene.integrator](state, dt)
+        if not self.scene.effects.continuity:
+            new = new._replace(rho=self.density(new.x, new.time)[: len(new.x)])
+        return new
+
+    def _symplectic_euler(self, state, dt):
+        """v += a dt, then x += (new v + drift of the old v) dt."""
+        now, time = self._rates_of(*state[:4]), state.time + dt
+        v = state.v + now.a * dt
+        x, v = self.confined(state.x, state.x + (v + now.drift) * dt, v, time)
+        rho = self.grown(state.rho, state.x, state.time, x, time, now.growth * dt)
+        return State(x, v, rho, time, now)
+
+    def _kick_drift_kick(self, state, dt):
+        """Half a kick, a drift, and half a kick by the forces there, as the half step sees them."""
+        old, time = state.rates, state.time + dt
+        v = state.v + old.a * dt / 2
+        x, v = self.confined(state.x, state.x + (v + old.drift) * dt, v, time)
+        rho = self.grown(state.rho, state.x, state.time, x, time, old.growth * dt)
+        new = self._rates_of(x, v, rho, time)
+        return State(x, v + new.a * dt / 2, rho, time, new)
+
+    def _predictor_corrector(self, state, dt):
+        """Half a step with the last rates, then a whole one with the rates found there."""
+        old, half = state.rates, state.time + dt / 2
+        v = state.v + old.a * dt / 2
+        x, v = self.confined(state.x, state.x + (v + old.drift) * dt / 2, v, half)
+        rho = self.grown(state.rho, state.x, state.time, x, half, old.growth * dt / 2)
+        new = self._rates_of(x, v, rho, half)
+        # the state before; of a path that a wall cut short, one that would have led here
+        start, begin = x - (v + old.drift) * dt / 2, v - old.a * dt / 2
+        end = begin + new.a * dt
+        there = start + ((begin + end) / 2 + new.drift) * dt
+        there, end = self.confined(x, there, end, state.time + dt)
+        time = state.time + dt
+        rho = self.grown(state.rho, state.x, state.time, there, time, new.growth * dt)
+        return State(there, end, rho, time, new)
 
     def step(self, x, v, time, dt):
-        """Symplectic Euler: v += a dt, then x += (new v + XSPH of the old v) dt, then the box."""
-        new_v = v + self.acceleration(x, v, time) * dt
-        new_x = x + (new_v + self.xsph(x, v)) * dt
-        return self.confined(new_x, new_v)
+        """x and v a step later, of a state whose rates are those of the moment."""
+        new = self.go_on(self.start(x, v, time), dt)
+        return new.x, new.v
 
-    def confined(self, x, v):
-        """Whoever has passed a side is put back onto it and bounces off."""
+    # --- what a step may not do -------------------------------------------------------------
+
+    def confined(self, old_x, x, v, time):
+        """Paths end at plates, and at the box; who leaves a periodic domain comes in again."""
+        x, v = self.stopped_at_plates(old_x, x, v)
+        x, v = self.clamped(x, v, time)
+        x = x.copy()
+        for axis, low, high in self.periods:
+            x[:, axis] = low + np.mod(x[:, axis] - low, high - low)
+        return x, v
+
+    def clamped(self, x, v, time):
+        """Whoever has passed a side is put back onto it and bounces off, as the side sees it."""
         walls = self.scene.walls
         if walls is None or walls.box is None:
             return x, v
         x, v = x.copy(), v.copy()
+        shift, velocity, _ = self.stroke(time)
         for i, axis in product(range(len(x)), range(2)):
-            low, high = walls.box[2 * axis], walls.box[2 * axis + 1]
+            names = (("left", "right"), ("bottom", "top"))[axis]
+            moving = [walls.motion is not None and name in walls.motion.sides for name in names]
+            low, high = (walls.box[2 * axis + k] + moving[k] * shift[axis] for k in range(2))
+            slow, fast = (moving[k] * velocity[axis] for k in range(2))
             if x[i, axis] < low:
                 x[i, axis] = low
-                v[i, axis] = max(v[i, axis], -walls.restitution * v[i, axis])
+                v[i, axis] = max(v[i, axis], slow - walls.restitution * (v[i, axis] - slow))
             if x[i, axis] > high:
                 x[i, axis] = high
-                v[i, axis] = min(v[i, axis], -walls.restitution * v[i, axis])
+                v[i, axis] = min(v[i, axis], fast - walls.restitution * (v[i, axis] - fast))
+        return x, v
+
+    def stopped_at_plates(self, old_x, x, v):
+        """A path ends a hundredth of dx in front of the first plate in its way."""
+        walls = self.scene.walls
+        if walls is None or walls.plates is None:
+            return x, v
+        x, v = x.copy(), v.copy()
+        for i in range(len(x)):
+            hits = []
+            for plate in np.asarray(walls.plates):
+                begin, along = plate[:2], plate[2:] - plate[:2]
+                path = x[i] - old_x[i]
+                if abs(along[0] * path[1] - along[1] * path[0]) < 1e-300:
+                    continue
+                # old + s path = begin + w along
+                s, w = np.linalg.solve(np.stack([path, -along], axis=1), begin - old_x[i])
+                if 0 < s <= 1 and 0 <= w <= 1:
+                    normal = np.array([-along[1], along[0]]) / np.hypot(*along)
+                    hits.append((s, normal * -np.sign(normal @ path)))
+            if hits:
+                s, normal = min(hits, key=lambda hit: hit[0])
+                x[i] = old_x[i] + s * (x[i] - old_x[i]) + 0.01 * self.scene.dx * normal
+                v[i] -= (1 + walls.restitution) * min(v[i] @ normal, 0.0) * normal
         return x, v

@@ -28,11 +28,10 @@ class Column(NamedTuple):
 
 def column(scene: Scene) -> Column:
     """The column of a scene at its start."""
-    x, y = np.asarray(scene.x).T
-    height = float(y.max()) + scene.dx / 2
-    width = float(x[y > height - scene.dx].max()) + scene.dx / 2
-    bed = y[x > width]
-    return Column(width, height, float(bed.max()) + scene.dx / 2 if len(bed) else 0.0)
+    (x, y), edge = np.asarray(scene.x).T, scene.dx / 2
+    height = float(y.max()) + edge
+    width = float(x[y > height - scene.dx].max()) + edge
+    return Column(width, height, float(y[x > width].max(initial=-edge)) + edge)
 
 
 def has_obstacle(scene: Scene) -> bool:
@@ -58,8 +57,7 @@ def front(sim: Simulation) -> float:
 def left_height(sim: Simulation) -> float:
     """Height of the water at the left wall [m]: the edge of its highest particle there."""
     x, y = sim.x[: sim.n_fluid].astype(float).T
-    near = y[x < sim.scene.h]
-    return float(near.max()) + sim.scene.dx / 2 if len(near) else 0.0
+    return float(y[x < sim.scene.h].max(initial=-sim.scene.dx / 2)) + sim.scene.dx / 2
 
 
 def front_error(history: NDArray[np.float64], shift: float = 0.0) -> float:
@@ -75,7 +73,7 @@ def front_error(history: NDArray[np.float64], shift: float = 0.0) -> float:
 
 
 def height_error(history: NDArray[np.float64]) -> float:
-    """RMS over the measured points of simulated - measured height, of the initial height.
+    """RMS over the measured points of simulated - measured height, of the initial one.
 
     history: (n, 2) tau = t sqrt(g / width) and height at the left wall / initial height.
     Source: table 6, n^2 = 2.
@@ -143,10 +141,10 @@ def curves(run: Run) -> list[Curve]:
     fronts, heights = histories(run)
     drawn = [Curve("front", *fronts.T), Curve("height", fronts[:, 0], heights[:, 1])]
     if measured(run.sim.scene):
-        front_x, front_y = read("martin_moyce_1952_front_n2_2.csv").T
         tau, height = read("martin_moyce_1952_height_n2_2.csv").T
+        moment, place = read("martin_moyce_1952_front_n2_2.csv").T
         drawn += [
-            Curve("front, measured", front_x, front_y, reference=True),
+            Curve("front, measured", moment, place, reference=True),
             Curve("height, measured", math.sqrt(2) * tau, height, reference=True),
         ]
     return drawn

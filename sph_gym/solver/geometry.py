@@ -10,6 +10,7 @@ from sph_gym.solver.state import Floats
 
 def snap(length: float, dx: float) -> float:
     """The multiple of dx nearest to a length, at least dx: where a lattice of spacing dx fits."""
+    positive("dx", dx)
     return max(round(length / dx), 1) * dx
 
 

@@ -16,7 +16,7 @@ from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import dispatch, jitable
 from sph_gym.solver.lanes import first_lanes, first_true, like, load, select, store, width
 from sph_gym.solver.neighbors import group_size
-from sph_gym.solver.walls import confine, moved_box, stop_at_plates, wrap
+from sph_gym.solver.walls import confine, stop_at_plates, wrap
 
 # Faster than this [m/s] is a blow-up, whatever the scene.
 TOP_SPEED = 5000.0
@@ -131,8 +131,7 @@ def keep_rates(target, i, new, n):
 def place(model, i, n, source, target, x, y, u, v, time):
     """Store positions and velocities within the walls; the first lane that is insane, or -1."""
     x, y, u, v = stop_at_plates(model.plates, load(source.x, i), load(source.y, i), x, y, u, v)
-    box = moved_box(model.stroke, model.box, time)
-    x, y, u, v = confine(box, x, y, u, v)
+    x, y, u, v = confine(model.box, model.stroke, time, x, y, u, v)
     x, y = wrap(model.constants.period_x, x), wrap(model.constants.period_y, y)
     store(target.x, i, x, n)
     store(target.y, i, y, n)

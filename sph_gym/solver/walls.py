@@ -104,10 +104,11 @@ def reflect(low, high, low_speed, high_speed, restitution, x, u):
 
 
 @jitable
-def confine(box, x, y, u, v):
-    """`reflect` at the four sides of the box, where there is one."""
+def confine(box, stroke, time, x, y, u, v):
+    """`reflect` at the four sides of the box, where there is one, as they are at a time [s]."""
     if box is None:
         return x, y, u, v
+    box = moved_box(stroke, box, time)
     x, u = reflect(box.x_min, box.x_max, box.left, box.right, box.restitution, x, u)
     y, v = reflect(box.y_min, box.y_max, box.bottom, box.top, box.restitution, y, v)
     return x, y, u, v
@@ -213,7 +214,7 @@ def stroke_at(stroke, time):
 @jitable
 def moved_box(stroke, box, time):
     """The box at a time [s]."""
-    if stroke is None or box is None:
+    if stroke is None:
         return box
     x, y, u, v = stroke_at(stroke, time)
     return Box(

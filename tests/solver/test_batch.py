@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numba.core import config
 
 from sph_gym import Controls, advance_all
 from tests.cases import STIFFNESS, scene, simulation
@@ -45,6 +46,8 @@ def mixed():
         simulation("none", dtype="float32", speed=0.3),
         simulation("everything", neighbors="brute", speed=0.3),
         simulation("none", "lattice 3", speed=0.2),
+        # uncompiled it would only take its time
+        *([] if config.DISABLE_JIT else [simulation("all, predictor", speed=0.3)]),
     ]
 
 
@@ -73,7 +76,7 @@ def test_lists_grow():
         world = sim.engine.world
         short = world.lists._replace(entries=np.zeros(64, np.int32))
         sim.engine.world = world._replace(lists=short)
-        sim.engine.renew()
+        sim.engine.renew(sim.time)
     advance_all(together, 1e-2)
     for sim in alone:
         sim.advance(1e-2)

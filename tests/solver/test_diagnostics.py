@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from sph_gym import Effects, Gravity, Simulation, lattice, scenes
-from tests.cases import DX, STIFFNESS, WATER, clouds, fluid, simulation
+from sph_gym import CentralGravity, Effects, Gravity, Motion, Simulation, Walls, lattice, scenes
+from tests.cases import DX, PERIOD, STIFFNESS, WATER, clouds, fluid, simulation, uncompiled
+from tests.solver.test_terms import HEAVY, SIDE, TANK, cloud, extrapolated
 
 
 def distances(x):
@@ -127,3 +128,62 @@ def test_scenes_start_well(name):
     assert numbers["max_speed"] == 0.0
     assert numbers["courant"] <= 0.4 + 1e-12
     assert sim.scene.fluid.rho0 == WATER.rho0
+
+
+# --- What came later ------------------------------------------------------------------------
+
+
+@uncompiled
+def test_potential_energy_in_a_central_field():
+    field = CentralGravity(3.0, 0.2, -0.1)
+    sim = Simulation(cloud(effects=Effects(gravity=field)))
+    offset = sim.x - (0.2, -0.1)
+    expected = 0.5 * sim.mass * 9.0 * (offset**2).sum()
+    assert sim.diagnostics()["potential_energy"] == pytest.approx(expected, rel=1e-12)
+
+
+@uncompiled
+def test_energy_of_an_orbit_is_no_excess():
+    effects = Effects(gravity=CentralGravity(3.0))
+    sim = Simulation(cloud(x=[(1.0, 0.0)], v=[(0.0, 0.1)], effects=effects))
+    sim.controls = sim.controls._replace(dt=1e-3)
+    kinetic = []
+    for _ in range(20):
+        assert not sim.advance(0.05).diverged
+        assert abs(sim.diagnostics()["energy_excess"]) < 0.02
+        kinetic.append(sim.diagnostics()["kinetic_energy"])
+    assert max(kinetic) > 4.0 * sim.mass
+
+
+@uncompiled
+def test_walls_that_mirror_the_pressure_store_no_energy():
+    like, mirrors = (
+        Simulation(cloud(effects=HEAVY, walls=walls)) for walls in (Walls(TANK), extrapolated())
+    )
+    assert mirrors.diagnostics()["internal_energy"] < like.diagnostics()["internal_energy"]
+    alone = Simulation(cloud(x=np.asarray(mirrors.scene.x), effects=HEAVY, walls=extrapolated()))
+    assert alone.diagnostics()["internal_energy"] == mirrors.diagnostics()["internal_energy"]
+
+
+def test_neighbors_are_counted_through_the_ends_of_a_domain():
+    sim = simulation("periodic", h=2.6 * DX)
+    offset = sim.x[:, None] - sim.x[None]
+    length = PERIOD[1] - PERIOD[0]
+    offset -= length * np.round(offset / length)
+    r = np.hypot(offset[..., 0], offset[..., 1]) + np.diag(np.full(len(sim.x), np.inf))
+    assert (sim.neighbor_counts == (r < 2.6 * DX).sum(axis=1)).all()
+    numbers = sim.diagnostics()
+    assert numbers["min_spacing"] == pytest.approx(r.min() / DX)
+    assert numbers["mean_neighbors"] == pytest.approx((r < 2.6 * DX).sum(axis=1).mean())
+
+
+@uncompiled
+def test_a_lid_may_set_a_fluid_in_motion():
+    """What walls that slide bring in is no energy from nowhere."""
+    x = lattice(0.0, SIDE, 0.0, SIDE, DX)
+    walls = extrapolated(velocity=(3.0, 0.0))
+    sim = Simulation(cloud(x=x, v=None, effects=Effects(laminar_viscosity=0.05), walls=walls))
+    for _ in range(5):
+        assert not sim.advance(10 * sim.controls.dt).diverged
+    assert 0.01 < sim.diagnostics()["energy_excess"] < 1.0
+    assert Motion((3.0, 4.0), (1.0, 0.0), 1.0).top_speed == pytest.approx(5.0 + 2 * np.pi)

@@ -1,27 +1,41 @@
 """What a scene doesn't name is not there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numba import typeof, types
 
 from sph_gym import Effects
-from tests.cases import assert_close, fluid, simulation
+from tests.cases import PAIRS, WALLS, assert_close, fluid, simulation, uncompiled
 
 NAMED = {
     "artificial_viscosity": Effects(artificial_viscosity=0.1),
+    "quadratic_viscosity": Effects(quadratic_viscosity=0.1),
     "laminar_viscosity": Effects(laminar_viscosity=0.1),
+    "surface_tension": Effects(surface_tension=0.1),
+    "tensile_correction": Effects(tensile_correction=0.2),
     "xsph": Effects(xsph=True),
+    "shifting": Effects(shifting=2.0),
+    "continuity": Effects(continuity=True),
+    "density_diffusion": Effects(continuity=True, density_diffusion=0.1),
 }
+# What another effect needs.
+WITH = {"density_diffusion": "continuity"}
+# Columns that all particles have.
+PLAIN = {"x", "y", "u", "v", "rho", "stress", "id"}
 
 
-@pytest.mark.without_jit
+@uncompiled
 @pytest.mark.parametrize("named", [None, *NAMED])
 def test_what_is_not_named_is_none_to_the_compiler(named):
     model = simulation("none", effects=NAMED.get(named, Effects())).engine.model
-    assert (model.gravity, model.box) == (None, None)
+    absent = model.gravity, model.box, model.plates, model.extrapolation, model.stroke, model.halves
+    assert absent == (None,) * 6
+    assert (model.constants.period_x, model.constants.period_y) == (None, None)
     for effects in (model.effects, model.wall_effects):
         for effect in NAMED:
-            if effect != named:
+            if effect not in (named, WITH.get(named)):
                 assert getattr(effects, effect) is None
                 assert typeof(effects)[effects._fields.index(effect)] is types.none
     if named:
@@ -32,6 +46,39 @@ def test_what_is_not_named_is_none_to_the_compiler(named):
 def test_gravity_and_the_box_are_there_when_named():
     assert simulation("gravity").engine.model.gravity is not None
     assert simulation("box").engine.model.box is not None
+
+
+@uncompiled
+def test_columns_are_there_for_what_needs_them():
+    def columns(configuration):
+        engine = simulation(configuration).engine
+        kept = {name for name, a in engine.fluid._asdict().items() if a is not None}
+        walls = {} if engine.walls is None else engine.walls._asdict()
+        return kept - PLAIN, {name for name, a in walls.items() if a is not None} - PLAIN
+
+    rates, drift = {"ax", "ay"}, {"tx", "ty"}
+    assert columns("none") == (set(), set())
+    assert columns("everything") == (set(), set())
+    assert columns("extrapolated") == (set(), {"ghost_u", "ghost_v"})
+    assert columns("channel") == (rates | drift, set())
+    assert columns("moving") == (rates | drift, {"ax", "ay"})
+    assert columns("all, euler") == (set(), {"ghost_u", "ghost_v", "ax", "ay"})
+    assert columns("all, kick")[0] == rates | drift | {"growth"}
+
+
+@uncompiled
+@pytest.mark.parametrize("slip", ["no-slip", "free-slip"])
+@pytest.mark.parametrize("pressure", ["like fluid", "extrapolated"])
+def test_walls_take_part_in_what_they_should(pressure, slip):
+    named = replace(PAIRS, continuity=pressure == "extrapolated")
+    walls = replace(WALLS, pressure=pressure, slip=slip)
+    model = simulation("none", effects=named, walls=walls).engine.model
+    without = {"xsph", "density_diffusion", "surface_tension"}
+    if slip == "free-slip":
+        without |= {"artificial_viscosity", "quadratic_viscosity", "laminar_viscosity"}
+    for name, of_fluid in model.effects._asdict().items():
+        of_walls = getattr(model.wall_effects, name)
+        assert of_walls is None if name in without else of_walls == of_fluid
 
 
 def test_the_xsph_control_is_inert_without_xsph():

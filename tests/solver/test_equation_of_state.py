@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 
 from sph_gym import Fluid
-from sph_gym.solver.equation_of_state import Tait, Tait7, internal_energy, make_eos, pressure
+from sph_gym.solver.equation_of_state import (
+    Tait,
+    Tait7,
+    density_at,
+    internal_energy,
+    make_eos,
+    pressure,
+)
 
 RHO0, B = 1000.0, 2e4
 GAMMAS = [1.0, 1.4, 5.5, 7.0]
@@ -65,3 +72,22 @@ def test_internal_energy_is_the_work_of_pressure(gamma, clamp, q):
     work = pressure(eos, rho) / rho**2
     assert (high - low) / (2 * step) == pytest.approx(work, rel=1e-6, abs=1e-12)
     assert internal_energy(eos, RHO0) == pytest.approx(0.0, abs=1e-12)
+
+
+@gammas
+@pytest.mark.parametrize("clamp", [True, False])
+def test_density_at_a_pressure_is_the_inverse(gamma, clamp):
+    eos = make_eos(B, RHO0, gamma, clamp)
+    for q in (0.6, 0.97, 1.0, 1.03, 1.8):
+        p = B * (q**gamma - 1)
+        assert density_at(eos, p) == pytest.approx(q * RHO0, rel=1e-12)
+        if q >= 1.0 or not clamp:
+            assert pressure(eos, density_at(eos, p)) == pytest.approx(p, rel=1e-10, abs=1e-9 * B)
+
+
+@gammas
+@pytest.mark.parametrize("p", [-0.999 * B, -B, -5 * B, -1e9])
+def test_no_pressure_makes_it_less_than_half_of_the_rest_density(gamma, p):
+    eos = make_eos(B, RHO0, gamma, False)
+    at_least = max(0.5, (1 - 0.999) ** (1 / gamma) if p > -B else 0.0)
+    assert density_at(eos, p) == pytest.approx(at_least * RHO0)

@@ -21,7 +21,7 @@ from sph_gym.solver.walls import reflect
 
 @jit
 def bounce(x, u):
-    return reflect(0.0, 1.0, 0.5, x, u)
+    return reflect(0.0, 1.0, 0.0, 0.0, 0.5, x, u)
 
 print(bounce(-1.0, -2.0))
 """

@@ -100,6 +100,23 @@ def test_the_state_after_a_blow_up_is_the_one_before_the_failing_step():
     assert sim.rho == pytest.approx(twin.rho, rel=1e-9)
 
 
+@pytest.mark.parametrize("too", ["stiff", "long"])
+@pytest.mark.parametrize("configuration", ["all, euler", "all, kick", "all, predictor", "moving"])
+def test_whatever_the_integrator_a_blow_up_leaves_a_finite_state(configuration, too):
+    sim = simulation(configuration, speed=0.5)
+    if too == "stiff":
+        sim.controls = sim.controls._replace(stiffness=1e6 * STIFFNESS)
+    else:
+        sim.controls = sim.controls._replace(dt=50 * sim.controls.dt)
+    report = run_until_it_fails(sim, 40)
+    assert sim.time <= 40 * sim.scene.frame
+    assert report.n_substeps >= 1
+    # and one can go on from there
+    sim.controls = sim.controls._replace(dt=1e-9, stiffness=1.0)
+    sim.advance(3e-9)
+    assert_finite(sim)
+
+
 # --- What is no blow-up ---------------------------------------------------------------------
 
 

@@ -6,13 +6,21 @@ import numpy as np
 import pytest
 
 from sph_gym import (
+    CentralGravity,
     Controls,
     Effects,
     Fluid,
     Gravity,
+    Motion,
+    RecordedGravity,
+    RollingTank,
     Scene,
+    ShakenGravity,
     Simulation,
     Walls,
+    channel_particles,
+    disc,
+    plate_particles,
     scenes,
     sound_speed,
 )
@@ -52,9 +60,19 @@ def test_fluid(argument, value):
     refuses(argument, Fluid, **({"c0": 10.0} | {argument: value}))
 
 
+STRENGTHS = [value for value in NOT_FROM_ZERO if value is not None]
+
+
 @table(
-    ("artificial_viscosity", [value for value in NOT_FROM_ZERO if value is not None]),
-    ("laminar_viscosity", [value for value in NOT_FROM_ZERO if value is not None]),
+    ("artificial_viscosity", STRENGTHS),
+    ("quadratic_viscosity", STRENGTHS),
+    ("laminar_viscosity", STRENGTHS),
+    ("surface_tension", STRENGTHS),
+    ("tensile_correction", STRENGTHS),
+    ("density_diffusion", [*STRENGTHS, 0.1]),  # by sums, no density diffuses
+    ("shifting", STRENGTHS),
+    ("viscosity_form", ["mueller", "", None, 3, ["morris"]]),
+    ("continuity", [1, None, "yes", 0.0]),
     ("gravity", [9.81, (9.81,), (0, 0, -9.81), (0, math.nan), (math.inf, 0), "down", ("a", "b")]),
     ("xsph", [0.3, 1, None, "yes"]),
 )
@@ -62,11 +80,144 @@ def test_effects(argument, value):
     refuses(argument, Effects, **{argument: value})
 
 
+@pytest.mark.parametrize("value", STRENGTHS, ids=str)
+def test_diffusion_of_a_density_by_continuity(value):
+    refuses("density_diffusion", Effects, continuity=True, density_diffusion=value)
+
+
 @table(("x", NO_NUMBER), ("y", NO_NUMBER), ("ramp", NOT_FROM_ZERO))
 def test_gravity(argument, value):
     names = {"x": r"gravity\[0\]", "y": r"gravity\[1\]", "ramp": "gravity.ramp"}
     with pytest.raises(ValueError, match=names[argument]):
         Gravity(**({"x": 0.0, "y": -9.81} | {argument: value}))
+
+
+GRAVITIES = {
+    CentralGravity: {"omega": 1.0},
+    ShakenGravity: {"x": 0.0, "y": -9.81, "amplitude": (1.0, 0.0), "frequency": 1.0},
+    RecordedGravity: {"vectors": [(0.0, 0.0), (0.0, 1.0)], "interval": 0.1},
+    RollingTank: {"g": 9.81, "amplitude": 0.1, "frequency": 1.0},
+}
+NO_VECTOR = [1.0, (1.0,), (0, 0, 1), (0, math.nan), (math.inf, 0), "up", None, (1j, 0)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "argument", "value"),
+    [
+        (kind, argument, value)
+        for kind, wrong in {
+            CentralGravity: {"omega": NOT_POSITIVE, "x": NO_NUMBER, "y": NO_NUMBER},
+            ShakenGravity: {
+                "x": NO_NUMBER,
+                "y": NO_NUMBER,
+                "amplitude": NO_VECTOR,
+                "frequency": NOT_POSITIVE,
+            },
+            RecordedGravity: {
+                "vectors": [
+                    *NO_VECTOR,
+                    [(0.0, 1.0)],
+                    [(0, 0, 0), (1, 1, 1)],
+                    [(0, 0), (0, math.nan)],
+                ],
+                "interval": NOT_POSITIVE,
+            },
+            RollingTank: {
+                "g": NOT_FROM_ZERO,
+                "amplitude": [*NO_NUMBER, 3.2, -3.2],
+                "frequency": NOT_POSITIVE,
+                "pivot": NO_VECTOR,
+            },
+        }.items()
+        for argument, values in wrong.items()
+        for value in values
+    ],
+    ids=str,
+)
+def test_gravities(kind, argument, value):
+    with pytest.raises(ValueError, match=rf"gravity\.{argument}"):
+        kind(**(GRAVITIES[kind] | {argument: value}))
+    assert Effects(gravity=kind(**GRAVITIES[kind])).field is not None
+
+
+@table(
+    ("velocity", NO_VECTOR),
+    ("amplitude", NO_VECTOR),
+    ("frequency", NOT_FROM_ZERO),
+    ("sides", ["left", ("left", "front"), None, 3, ("",), (1,)]),
+    (
+        "particles",
+        [[], [1, 0], [0.0], [[True]], [True, None], "ab", [[True], [True, False]], [None]],
+    ),
+)
+def test_motion(argument, value):
+    refuses(rf"motion\.{argument}", Motion, **({"velocity": (1.0, 0.0)} | {argument: value}))
+
+
+@pytest.mark.parametrize(
+    "still", [{}, {"amplitude": (1.0, 0.0)}, {"frequency": 2.0}, {"velocity": (0.0, 0.0)}], ids=str
+)
+def test_a_motion_that_is_none(still):
+    refuses("motion", Motion, **still)
+
+
+SPOTS = [(0.0, 0.0), (1.0, 0.0)]
+MOVES = Motion((1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("argument", "arguments"),
+    [
+        ("pressure", {"pressure": "adami"}),
+        ("pressure", {"pressure": None}),
+        ("slip", {"slip": "none"}),
+        ("slip", {"slip": 0}),
+        *[
+            ("velocity", {"particles": SPOTS, "velocity": wrong})
+            for wrong in (
+                1.0,
+                (1.0, 0.0, 0.0),
+                [(0, 0)] * 3,
+                (math.nan, 0.0),
+                "fast",
+                [(0, 0), (0,)],
+            )
+        ],
+        ("velocity", {"velocity": (1.0, 0.0)}),
+        ("velocity", {"velocity": (1.0, 0.0), "box": (0, 1, 0, 1)}),
+        ("motion", {"particles": SPOTS, "motion": (1.0, 0.0)}),
+        ("motion", {"motion": MOVES}),
+        ("motion", {"motion": MOVES, "box": (0, 1, 0, 1)}),
+        ("motion.sides", {"particles": SPOTS, "motion": Motion((1.0, 0.0), sides=("left",))}),
+        ("motion.sides", {"motion": Motion((1.0, 0.0), sides=("left",))}),
+        ("motion.particles", {"particles": SPOTS, "motion": Motion((1, 0), particles=[True])}),
+        (
+            "motion.particles",
+            {"box": (0, 1, 0, 1), "motion": Motion((1, 0), particles=[True], sides=("top",))},
+        ),
+        *[
+            ("plates", {"plates": wrong})
+            for wrong in (
+                [],
+                [(0, 0, 1)],
+                (0, 0, 1, 1),
+                [(0, 0, 1, math.nan)],
+                [(0, 0, 1, 1), (2, 2, 2, 2)],
+                "wall",
+                1.0,
+                [(0, 0, 1, 1), (0, 0)],
+            )
+        ],
+        *[
+            (name, {name: wrong})
+            for name in ("period_x", "period_y")
+            for wrong in ((1.0, 0.0), (0.0, 0.0), (0.0,), 1.0, "x", (0, math.inf), (0, 1, 2))
+        ],
+    ],
+    ids=str,
+)
+def test_walls_of_the_newer_kinds(argument, arguments):
+    refuses(argument, Walls, **arguments)
 
 
 @table(
@@ -121,11 +272,92 @@ GOOD = {"name": "two", "x": [(0.0, 0.0), (0.1, 0.0)], "dx": 0.1, "h": 0.26, "flu
     ("fluid", [None, 10.0, {"c0": 10.0}, Fluid]),
     ("effects", [None, "xsph", {"xsph": True}]),
     ("walls", ["floor", (0.0, 1.0, 0.0, 1.0), 5]),
+    ("integrator", ["euler", "", None, 2, ["kick_drift_kick"]]),
     ("duration", NOT_POSITIVE),
     ("frame", [*NOT_POSITIVE, 1.1]),
 )
 def test_scene(argument, value):
     refuses(argument, Scene, **(GOOD | {argument: value}))
+
+
+@pytest.mark.parametrize(
+    ("argument", "changes"),
+    [
+        (
+            "walls.pressure",
+            {"effects": Effects(continuity=True), "walls": Walls([(0.0, -0.1), (0.1, -0.1)])},
+        ),
+        ("h", {"h": 0.1, "effects": Effects(surface_tension=1.0)}),
+        ("walls.period_x", {"walls": Walls(period_x=(0.0, 1.0))}),
+        ("walls.period_y", {"walls": Walls(period_x=(0.0, 2.0), period_y=(0.0, 1.03))}),
+        ("x", {"walls": Walls(period_x=(0.05, 2.0))}),
+        ("x", {"walls": Walls(period_x=(-1.0, 0.1))}),
+        ("x", {"walls": Walls(period_y=(0.05, 2.0))}),
+    ],
+    ids=str,
+)
+def test_what_does_not_go_together(argument, changes):
+    refuses(argument, Scene, **(GOOD | changes))
+
+
+def test_what_goes_together():
+    for changes in (
+        {
+            "effects": Effects(continuity=True),
+            "walls": Walls([(0.0, -0.1)], pressure="extrapolated"),
+        },
+        {"effects": Effects(continuity=True), "walls": Walls(box=(-1, 1, -1, 1))},
+        {"h": 0.1001, "effects": Effects(surface_tension=1.0)},
+        {"walls": Walls(period_x=(0.0, 1.04))},
+        {"walls": Walls(period_x=(-1.0, 0.11), period_y=(-3, 3))},
+    ):
+        assert Scene(**(GOOD | changes)).integrator == "symplectic_euler"
+
+
+# --- Geometry -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dx", NOT_POSITIVE, ids=str)
+def test_spacings_of_shapes(dx):
+    for make in (
+        lambda: channel_particles(1.0, 1.0, dx),
+        lambda: plate_particles((0.0, 0.0), (1.0, 0.0), dx),
+        lambda: disc(0.0, 0.0, 1.0, dx),
+    ):
+        with pytest.raises(ValueError, match="dx"):
+            make()
+
+
+def test_a_channel_continues_the_lattice_of_what_it_holds():
+    walls = channel_particles(0.6, 0.4, 0.1, layers=2)
+    assert len(walls) == 2 * 2 * 6
+    rows = np.unique(walls[:, 1].round(9))
+    assert rows == pytest.approx([-0.15, -0.05, 0.45, 0.55])
+    assert (walls[: len(walls) // 2, 1] < 0).all()
+    for layers in (0, -1, 1.5):
+        with pytest.raises(ValueError, match="layers"):
+            channel_particles(0.6, 0.4, 0.1, layers=layers)
+
+
+def test_a_plate_of_particles_lies_along_its_line():
+    for layers in (1, 2, 3):
+        x = plate_particles((1.0, 1.0), (1.3, 1.4), 0.1, layers)
+        along, normal = np.array([0.6, 0.8]), np.array([-0.8, 0.6])
+        assert len(x) == 5 * layers
+        assert np.unique(((x - 1.0) @ along).round(9)) == pytest.approx(
+            [0.05, 0.15, 0.25, 0.35, 0.45]
+        )
+        depths = np.unique(((x - 1.0) @ normal).round(9))
+        assert depths == pytest.approx((np.arange(layers) - (layers - 1) / 2) * 0.1)
+    with pytest.raises(ValueError, match="length of the plate"):
+        plate_particles((1.0, 1.0), (1.0, 1.0), 0.1)
+
+
+def test_a_disc_is_round_and_has_its_area():
+    x = disc(2.0, -1.0, 0.5, 0.02)
+    assert x.mean(axis=0) == pytest.approx([2.0, -1.0])
+    assert np.hypot(*(x - (2.0, -1.0)).T).max() <= 0.5
+    assert len(x) * 0.02**2 == pytest.approx(np.pi * 0.25, rel=0.02)
 
 
 @table(

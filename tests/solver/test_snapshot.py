@@ -55,6 +55,30 @@ def test_going_on_from_a_snapshot_is_bit_exact(detour, dtype, neighbors):
         assert each.diagnostics() == original.diagnostics()
 
 
+@pytest.mark.parametrize("detour", ["none", "time", "blow-up"])
+@pytest.mark.parametrize(
+    "configuration", ["all, euler", "all, kick", "all, predictor", "moving", "channel"]
+)
+def test_so_it_is_where_more_belongs_to_the_state(configuration, detour):
+    """Densities, rates of the last evaluation, and the time at which walls are where they are."""
+    original, sim, twin = (simulation(configuration, speed=0.3) for _ in range(3))
+    for each in (original, sim):
+        assert not each.advance(4.3 * each.controls.dt).diverged
+    snapshot = sim.snapshot()
+    if detour == "time":
+        sim.advance(11 * sim.controls.dt)
+    elif detour == "blow-up":
+        sim.controls = sim.controls._replace(stiffness=1e6 * STIFFNESS)
+        assert sim.advance(20 * sim.controls.dt).diverged
+    for each in (sim, twin):
+        each.restore(snapshot)
+        assert_same(each, original)
+    go_on(original)
+    for each in (sim, twin):
+        assert_same(go_on(each), original)
+        assert each.diagnostics() == original.diagnostics()
+
+
 @pytest.mark.without_jit
 def test_a_snapshot_is_a_copy():
     sim = simulation("everything")
@@ -100,6 +124,7 @@ def foreign():
         "a field too few": snapshot | {"fluid": {"x": snapshot["fluid"]["x"]}},
         "no arrays": snapshot | {"fluid": dict.fromkeys(snapshot["fluid"], 1.0)},
         "time that is no time": snapshot | {"time": "noon"},
+        "a clock that is none": snapshot | {"clock": None},
         "two controls": snapshot | {"controls": (1e-4, 1e4)},
         "impossible controls": snapshot | {"controls": (-1e-4, 1e4, 0.3)},
         "short ledger": snapshot | {"ledger": [0.0]},

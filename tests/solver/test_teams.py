@@ -76,6 +76,34 @@ def test_any_number_of_threads_gives_the_same_bit_by_bit(configuration, dtype, n
         assert (sim.neighbor_counts == single.neighbor_counts).all()
 
 
+LATER = ("all, euler", "all, kick", "all, predictor", "moving", "periodic")
+
+
+@compiled
+@pytest.mark.parametrize("configuration", LATER)
+def test_so_it_does_where_walls_move_or_space_closes(configuration):
+    """Neighbours twice in a step, walls that wait for the fluid, and lists that grow."""
+    single, several, cut = (simulate(n, configuration=configuration, speed=0.5) for n in (1, 3, 3))
+    cut_lists(cut)
+    reports = go_on(single)
+    assert not any(report.diverged for report in reports)
+    for sim in (several, cut):
+        assert go_on(sim) == reports
+        assert_same(sim, single)
+        assert sim.diagnostics() == single.diagnostics()
+
+
+@compiled
+@pytest.mark.parametrize("configuration", LATER[:3])
+def test_changing_numbers_of_threads_do_not_matter_there_either(configuration, monkeypatch):
+    single, changing = (simulate(n, configuration=configuration, speed=0.5) for n in (1, 3))
+    for k in range(6):
+        monkeypatch.setattr(engine, "WORTH_WAKING", 1 if k % 2 else 10**9)
+        for sim in (single, changing):
+            sim.advance(2.2 * sim.controls.dt)
+        assert_same(changing, single)
+
+
 @several_numbers
 @pytest.mark.parametrize("cloud", ["coincident", "overlapping", "disordered"])
 def test_on_nasty_clouds_too(cloud, n_threads):

@@ -23,8 +23,8 @@ CODE = {
     "tensile_correction": ("add_tensile_correction", "stress_i: Any"),
     "surface_tension": ("add_surface_tension",),
     "shifting": ("def add_crowding", "def add_shift", "cx: Any"),
-    "xsph": ("add_xsph", "add_smoothing", "sx: Any"),
-    "gravity": ("def add_gravity(effect", "add_gravity(model"),
+    "xsph": ("add_xsph", "add_smoothing", "sx: Any", "sums.sx"),
+    "gravity": ("def add_gravity(effect", "add_gravity(model", "add_gravity(gravity"),
     "box": ("confine(",),
     "walls": (
         "or compute_wall_density(",

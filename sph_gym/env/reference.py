@@ -9,9 +9,9 @@ import os
 import tempfile
 import warnings
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,19 +76,27 @@ def reference(scene: Scene) -> Reference:
 
 
 def _key(scene: Scene) -> str:
-    # a name is no part of the physics; walls and arrays have to be taken apart to be hashed
     digest = hashlib.sha256(source_hash().encode() + Path(__file__).read_bytes())
     digest.update(repr((actions.COURANT, actions.SOUND, actions.XSPH)).encode())
-    for rule in (TunedCfl(), scene.fluid, scene.effects, scene.controls):
-        digest.update(repr(rule).encode())
-    digest.update(repr((scene.dx, scene.h, scene.duration, scene.frame)).encode())
-    for array in (scene.x, scene.v):
-        digest.update(np.asarray(array).tobytes())
-    if scene.walls is not None:
-        digest.update(repr((scene.walls.box, scene.walls.restitution)).encode())
-        if scene.walls.particles is not None:
-            digest.update(np.asarray(scene.walls.particles).tobytes())
+    # a name is no part of the physics
+    for part in (TunedCfl(), replace(scene, name="scene")):
+        _add_to(digest, part)
     return digest.hexdigest()[:32]
+
+
+def _add_to(digest: Any, value: Any) -> None:
+    """Everything in nested dataclasses, tuples and arrays, whose repr may leave numbers out."""
+    digest.update(type(value).__name__.encode())
+    if is_dataclass(value):
+        for field in fields(value):
+            _add_to(digest, getattr(value, field.name))
+    elif isinstance(value, (tuple, list)):
+        for part in value:
+            _add_to(digest, part)
+    elif isinstance(value, np.ndarray):
+        digest.update(repr((value.dtype, value.shape)).encode() + value.tobytes())
+    else:
+        digest.update(repr(value).encode())
 
 
 def _compute(scene: Scene) -> Reference:

@@ -43,6 +43,7 @@ def dam_break(
     start = snap(width, dx)
     if in_range("wet_bed", wet_bed, 0.0, 0.9 * height) > 0 and length - start > dx / 2:
         x = np.concatenate([x, lattice(start, length, 0.0, snap(wet_bed, dx), dx)])
+    obstacle_at = in_range("obstacle_at", obstacle_at, 1.0)
     if in_range("obstacle", obstacle, 0.0, sides) > 0:
         block = _block(obstacle, obstacle_at, width, length, dx)
         left, right, floor, top = block

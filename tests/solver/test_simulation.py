@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sph_gym import Controls, Simulation, scenes
+from sph_gym.env import SCENES
 from sph_gym.solver import simulation as module
 from sph_gym.solver import stepping
 from tests.cases import C0, DX, STIFFNESS, assert_close, fluid, scene, simulation
@@ -256,7 +257,7 @@ def test_two_runs_are_the_same_bit_by_bit(dtype, neighbors):
     assert_same(first, second)
 
 
-@pytest.mark.parametrize("name", scenes.names())
+@pytest.mark.parametrize("name", SCENES)
 def test_particles_keep_their_public_place(name):
     """Between two looks nobody moves further than its speed allows: nobody swaps its place."""
     sim = Simulation(scenes.make(name, dx=0.04))

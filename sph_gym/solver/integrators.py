@@ -20,6 +20,8 @@ from sph_gym.solver.walls import confine, stop_at_plates, wrap
 
 # Faster than this [m/s] is a blow-up, whatever the scene.
 TOP_SPEED = 5000.0
+# And densities by continuity farther from their sum than this multiple of the rest density.
+TOP_COMPRESSION = 100.0
 
 
 class SymplecticEuler(NamedTuple):
@@ -98,11 +100,18 @@ def keep(column, i, value, n):
 
 
 @jitable
-def grow(old, new, i, n, change):
-    """Store the offset of densities that `change` [kg/m^3] leads to, where there is one."""
+def grow(old, new, i, n, change, eos):
+    """Store the offset of densities that `change` [kg/m^3] leads to, where there is one.
+
+    Returns the first lane in which it is absurd, or -1.
+    """
     if old is None:
-        return
-    store(new, i, load(old, i) + change, n)
+        return -1
+    offset = load(old, i) + change
+    store(new, i, offset, n)
+    zero, one = like(offset, 0.0), like(offset, 1.0)
+    bounded = abs(offset * like(offset, eos.inv_rho0)) < like(offset, TOP_COMPRESSION)
+    return first_true((select(bounded, zero, one) > zero) & first_lanes(offset, n))
 
 
 @jitable
@@ -209,7 +218,8 @@ def _kick_and_drift(integrator, done, first, last, source, target, walls, lists,
         x = load(source.x, i) + dt * (u + new.tx)
         y = load(source.y, i) + dt * (v + new.ty)
         wrong = place(model, i, n, source, target, x, y, u, v, time + dt)
-        grow(source.offset, target.offset, i, n, dt * new.growth)
+        thick = grow(source.offset, target.offset, i, n, dt * new.growth, model.eos)
+        wrong = thick if wrong < 0 else wrong
         if wrong >= 0 and bad < 0:
             bad = i + wrong
         i += n
@@ -247,7 +257,8 @@ def _move_with_kept_rates(first, last, source, target, model, time, after, kick,
         x = load(source.x, i) + drift * (u + old.tx)
         y = load(source.y, i) + drift * (v + old.ty)
         wrong = place(model, i, n, source, target, x, y, u, v, time + after)
-        grow(source.offset, target.offset, i, n, drift * old.growth)
+        thick = grow(source.offset, target.offset, i, n, drift * old.growth, model.eos)
+        wrong = thick if wrong < 0 else wrong
         keep_rates(target, i, old, n)
         if wrong >= 0 and bad < 0:
             bad = i + wrong
@@ -272,7 +283,8 @@ def _correct(first, last, source, target, walls, lists, model, time, dt, half):
         y = y0 + dt * (like(v, 0.5) * (v0 + v) + new.ty)
         wrong = place(model, i, n, source, target, x, y, u, v, time + dt)
         change = dt * new.growth - half * old.growth
-        grow(source.offset, target.offset, i, n, change)
+        thick = grow(source.offset, target.offset, i, n, change, model.eos)
+        wrong = thick if wrong < 0 else wrong
         keep_rates(target, i, new, n)
         if wrong >= 0 and bad < 0:
             bad = i + wrong

@@ -201,44 +201,60 @@ def mean_gravity(field):
 # --- Surface tension ------------------------------------------------------------------------
 
 
-def cohesion_force(q, zero):
-    """Force between two particles at distance q h, repulsive where positive, of strength 1."""
-    return np.where(q < 1, q * (1 - q) ** 2 * (zero - q), 0.0)
+def filled_gradient(offset, r, h, volume):
+    """(n, 2) [1/m] sum V grad W, W Wendland's C2, softened: n / (n^2 + (0.3 / h)^2)^(1/4)."""
+    direction = np.divide(offset, r[..., None], out=np.zeros_like(offset), where=r[..., None] > 0)
+    n = volume * (wendland_slope(r, h)[..., None] * direction).sum(axis=1)
+    return n / ((n**2).sum(axis=1) + (0.3 / h) ** 2)[:, None] ** 0.25
 
 
-def cohesion_energy(r, h, zero):
-    """Work [J/N] of pulling two particles at distance r apart, for a strength of 1 N."""
-    nodes, weights = np.polynomial.legendre.leggauss(4)  # exact for polynomials of degree 7
-    half = (h - r) / 2
-    return -half * sum(
-        w * float(cohesion_force((r + half * (1 + node)) / h, zero))
-        for node, w in zip(nodes, weights, strict=True)
+def surface_pull(s_i, s_j, offset, r, kernel, h, dx, volume):
+    """(n, m, 2) [m] forces on i by j for a stress |s|^2 - s s of 1 N/m, by 1 / m of depth."""
+    direction = np.divide(offset, r[..., None], out=np.zeros_like(offset), where=r[..., None] > 0)
+    grad = wendland_slope(r, h)[..., None] * direction
+    at_dx = float(kernel.density(np.array(dx), h))
+    held = 0.3 * (kernel.density(r, h) / at_dx) ** 4 if at_dx > 0 else 0.0
+    total = np.zeros_like(offset)
+    for s in (s_i[:, None], s_j[None, :]):
+        size = (s**2).sum(axis=-1, keepdims=True)
+        total += size * grad - s * (s * grad).sum(axis=-1, keepdims=True)
+    return volume**2 * (1 - held)[..., None] * total
+
+
+def slab_tension(kernel, h, dx, volume):
+    """Forces across a cut through a slab of the lattice, per surface, for a stress of 1 N/m."""
+    deep, reach = 4 * int(np.ceil(h / dx)), int(np.ceil(h / dx))
+    columns = np.arange(-2 * reach, 2 * reach)
+    place = np.array([(i + 0.5, j) for i in columns for j in range(deep)]) * dx
+    offset = place[:, None] - place[None, :]
+    r = np.hypot(offset[..., 0], offset[..., 1])
+    s = filled_gradient(offset, r, h, volume)
+    # the columns at both ends lack neighbours; those of the middle are as in an endless slab
+    s = np.tile(s[place[:, 0] == 0.5 * dx], (len(columns), 1))
+    left, right = place[:, 0] < 0, place[:, 0] > 0
+    forces = surface_pull(
+        s[left], s[right], offset[left][:, right], r[left][:, right], kernel, h, dx, volume
     )
+    return forces[..., 0].sum() / 2
 
 
-def calibrated_cohesion(sigma, h, dx):
-    """(strength [N], zero) with which the square lattice has the surface tension sigma [N/m].
-
-    zero: without it, the virial - sum of r F - of the whole lattice would not vanish. Strength: a
-    lattice is cut in two along a row, and all pairs across the cut are pulled apart.
-    """
-    reach = range(-int(h / dx) - 1, int(h / dx) + 2)
-    distances = [np.hypot(i, j) * dx for i, j in product(reach, reach) if i or j]
-    q = np.array([r / h for r in distances if r < h])
-    # r F is linear in zero
-    without, of_one = (
-        q * cohesion_force(q, 0.0),
-        q * (cohesion_force(q, 1.0) - cohesion_force(q, 0)),
-    )
-    zero = -without.sum() / of_one.sum()
-    work = 0.0
-    # one column above the cut, everybody below
-    for row, below, i in product(reach, reach, reach):
-        r = np.hypot(i, row - below) * dx
-        if row > 0 >= below and r < h:
-            work += cohesion_energy(r, h, zero)
-    # two new surfaces, each of length dx
-    return 2 * sigma * dx / work, zero
+def calibrated_surface(sigma, kernel, h, dx, volume):
+    """K [N/m]: row by row below a surface, its own gradient times what it has along the surface."""
+    reach = int(np.ceil(h / dx))
+    at_dx = float(kernel.density(np.array(dx), h))
+    tension = 0.0
+    for depth in range(reach + 1):
+        across = along = 0.0
+        for i, j in product(range(-reach, reach + 1), range(-reach, depth + 1)):
+            r = np.hypot(i, j) * dx
+            if r == 0 or r >= h:
+                continue
+            pull = -volume * float(wendland_slope(r, h)) / r
+            across += pull * j * dx
+            held = 0.3 * (float(kernel.density(np.array(r), h)) / at_dx) ** 4
+            along += pull * (i * dx) ** 2 * (1 - held)
+        tension += dx * across**2 / np.sqrt(across**2 + (0.3 / h) ** 2) * along
+    return sigma / tension
 
 
 # --- The solver -----------------------------------------------------------------------------
@@ -413,9 +429,11 @@ class Naive:
             drag = effects.laminar_viscosity * m * rubs * drag
             a -= (drag[..., None] * relative_seen).sum(axis=1)
         if effects.surface_tension is not None:
-            s, zero = calibrated_cohesion(effects.surface_tension, h, self.scene.dx)
-            force = s * cohesion_force(r[:, :n] / h, zero)
-            a += (force[..., None] * direction[:, :n]).sum(axis=1) / m
+            dx, volume = self.scene.dx, m / self.scene.fluid.rho0
+            strength = calibrated_surface(effects.surface_tension, self.kernel, h, dx, volume)
+            s = filled_gradient(offset, r, h, volume)
+            pull = surface_pull(s, s, offset[:, :n], r[:, :n], self.kernel, h, dx, volume)
+            a += strength * pull.sum(axis=1) / m
         a += gravity(effects.gravity, time, x, v)
         return Rates(
             a,

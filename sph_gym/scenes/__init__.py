@@ -16,6 +16,7 @@ _SCENES = (
     "relaxation",
     "elliptical_drop",
     "oscillating_drop",
+    "droplet",
     "perturbed_lattice",
     "rotating_square",
     "colliding_patches",

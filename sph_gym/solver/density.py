@@ -139,6 +139,45 @@ def add_offset(offset, i, rho):
 
 
 @jitable
+def add_normals(tension, sources, lists, first, last, constants, x, y, nx, ny):
+    """nx, ny + sum of grad W shapes between (x, y) and the listed `sources`."""
+    if sources is None:
+        return nx, ny
+    zero = like(nx, 0.0)
+    for k in range(first, last):
+        j = neighbor(lists, k)
+        dx = nearest_image(constants.period_x, x - broadcast(sources.x, j))
+        dy = nearest_image(constants.period_y, y - broadcast(sources.y, j))
+        r2 = dx * dx + dy * dy + like(nx, COINCIDENT)
+        rest = maximum(tension.h - r2 * rsqrt(r2), zero)
+        slope = rest * rest * rest
+        nx, ny = nx - slope * dx, ny - slope * dy
+    return nx, ny
+
+
+@jitable
+def store_normals(tension, fluid, i, n, walls, lists, constants):
+    """n / sqrt|n|, n the gradient of the share of space that is filled, at the group of i.
+
+    Walls count as filled: a surface ends at them, and isn't drawn along them.
+    """
+    if tension is None:
+        return
+    x, y = load(fluid.x, i), load(fluid.y, i)
+    zero = like(x, 0.0)
+    begin, end = fluid_range(lists, i, fluid.id.size)
+    nx, ny = add_normals(tension, fluid, lists, begin, end, constants, x, y, zero, zero)
+    begin, end = wall_range(lists, i, count(walls))
+    nx, ny = add_normals(tension, walls, lists, begin, end, constants, x, y, nx, ny)
+    nx, ny = tension.volume_scale * nx, tension.volume_scale * ny
+    inv_size = rsqrt(nx * nx + ny * ny + tension.disorder2)
+    # 1 / sqrt|n|: the square root of 1 / |n|
+    inv_root = inv_size * rsqrt(inv_size)
+    store(fluid.nx, i, inv_root * nx, n)
+    store(fluid.ny, i, inv_root * ny, n)
+
+
+@jitable
 def compute_fluid_density(
     rank,
     n_threads,
@@ -153,7 +192,7 @@ def compute_fluid_density(
     kernel,
     eos,
     constants,
-    continuity,
+    effects,
 ):
     """Lists, rho and p / rho^2 of fluid particles first to last.
 
@@ -171,8 +210,9 @@ def compute_fluid_density(
             )
             if k > room:
                 return k
-            rho = density(continuity, fluid, i, walls, lists, kernel, constants)
+            rho = density(effects.continuity, fluid, i, walls, lists, kernel, constants)
             store_density(fluid, i, n, rho, eos)
+            store_normals(effects.surface_tension, fluid, i, n, walls, lists, constants)
             i += n
     return k
 

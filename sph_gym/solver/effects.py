@@ -191,29 +191,39 @@ def add_laminar_viscosity(effect, pair, ax, ay):
 
 
 class SurfaceTension(NamedTuple):
-    """strength: s / (h m^2 gradient_scale); h [m], inv_h [1/m]; zero: q without a force.
-
-    See `cohesion.calibrated_cohesion` for how s and zero follow from sigma.
+    """strength: K V^2 shape scale / (m^2 gradient_scale), see `surface.calibrated_stress`;
+    volume_scale: V times the shape's scale; h [m]; disorder2: square of the gradient that counts
+    as none [1/m^2]; held_back: share of the pull; inv_weight: 1 / W shape(dx).
     """
 
     strength: float
+    volume_scale: float
     h: float
-    inv_h: float
-    zero: float
+    disorder2: float
+    held_back: float
+    inv_weight: float
 
 
 @jitable
-def add_surface_tension(effect, pair, ax, ay):
-    """Pairwise force s q (1 - q)^2 (zero - q), q = r/h: repels below `zero`, attracts above.
+def add_surface_tension(effect, pair, nx_i, ny_i, nx_j, ny_j, ax, ay):
+    """Divergence of K (|n| - n n / |n|), a pull along the surface; n: of the share that is filled.
 
-    What the outermost particles lack on one side pulls them in. Conserves momentum.
-    Source: Tartakovsky & Panchenko 2016, with a polynomial that has no virial pressure.
+    Given as n / sqrt|n|. Equal and opposite between two particles, but not along their line.
+    Source: Lafaurie et al. 1994; for particles Hu & Adams 2006. What is held back between near
+    neighbours is as in Monaghan 2000.
     """
     if effect is None:
         return ax, ay
-    rest = maximum(effect.h - pair.r, like(pair.r, 0.0)) * effect.inv_h
-    force = effect.strength * (rest * rest * (effect.zero - pair.r * effect.inv_h))
-    return ax + force * pair.dx, ay + force * pair.dy
+    size = nx_i * nx_i + ny_i * ny_i + (nx_j * nx_j + ny_j * ny_j)
+    along_i = nx_i * pair.dx + ny_i * pair.dy
+    along_j = nx_j * pair.dx + ny_j * pair.dy
+    rest = maximum(effect.h - pair.r, like(pair.r, 0.0))
+    near = pair.weight * effect.inv_weight
+    near = near * near * (near * near)
+    pull = effect.strength * (rest * rest * rest) * (like(pair.r, 1.0) - effect.held_back * near)
+    ax = ax - pull * (size * pair.dx - nx_i * along_i - nx_j * along_j)
+    ay = ay - pull * (size * pair.dy - ny_i * along_i - ny_j * along_j)
+    return ax, ay
 
 
 # --- XSPH -----------------------------------------------------------------------------------

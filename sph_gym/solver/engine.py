@@ -49,7 +49,9 @@ class Engine:
         self._records: dict[str, tuple[Any, Any]] = {}
         self.model = make_model(scene, controls, mass, dtype)
         more = (*_kept_rates(scene), *(("offset",) if scene.effects.continuity else ()))
-        fluid = allocate_particles(scene.x, scene.v, dtype, more)  # type: ignore[arg-type]
+        normals = ("nx", "ny") if scene.effects.surface_tension is not None else ()
+        columns = (*more, *normals)
+        fluid = allocate_particles(scene.x, scene.v, dtype, columns)  # type: ignore[arg-type]
         self.state_columns = (*STATE, *more)
         walls = _wall_particles(scene, dtype)
         n_walls = 0 if walls is None else walls.id.size

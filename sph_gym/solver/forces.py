@@ -37,6 +37,8 @@ class Target(NamedTuple):
     v: Any
     rho: Any
     stress: Any
+    nx: Any
+    ny: Any
 
 
 @jitable
@@ -45,6 +47,22 @@ def slip(ghost, own, j, difference):
     if ghost is None:
         return difference
     return difference + (broadcast(own, j) - broadcast(ghost, j))
+
+
+@jitable
+def loaded(column, i, other):
+    """The group's numbers of a column, zeros like `other` where there is none."""
+    if column is None:
+        return like(other, 0.0)
+    return load(column, i)
+
+
+@jitable
+def repeated(column, j, zero):
+    """Particle j's number of a column, `zero` where there is none."""
+    if column is None:
+        return zero
+    return broadcast(column, j)
 
 
 @jitable
@@ -85,7 +103,10 @@ def add_pair(target, sources, j, kernel, constants, effects, sums):
     stress = add_quadratic_viscosity(effects.quadratic_viscosity, pair, stress)
     ax, ay = add_pressure(stress, pair, sums.ax, sums.ay)
     ax, ay = add_laminar_viscosity(effects.laminar_viscosity, pair, ax, ay)
-    ax, ay = add_surface_tension(effects.surface_tension, pair, ax, ay)
+    ax, ay = add_surface_tension(
+        effects.surface_tension, pair, target.nx, target.ny,
+        repeated(sources.nx, j, zero), repeated(sources.ny, j, zero), ax, ay,
+    )  # fmt: skip
     sx, sy = add_xsph(effects.xsph, pair, sums.sx, sums.sy)
     growth = add_density_diffusion(effects.density_diffusion, pair, sums.growth)
     cx, cy = add_crowding(effects.shifting, pair, sums.cx, sums.cy)
@@ -113,6 +134,8 @@ def force_sums(i, fluid, walls, lists, kernel, constants, effects, wall_effects)
         load(fluid.v, i),
         load(fluid.rho, i),
         load(fluid.stress, i),
+        loaded(fluid.nx, i, load(fluid.x, i)),
+        loaded(fluid.ny, i, load(fluid.x, i)),
     )
     zero = like(target.x, 0.0)
     sums = Sums(zero, zero, zero, zero, zero, zero, zero)

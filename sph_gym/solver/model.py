@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.solver.cohesion import calibrated_cohesion
 from sph_gym.solver.density import Constants, Extrapolation
 from sph_gym.solver.effects import (
     ArtificialViscosity,
@@ -26,6 +25,13 @@ from sph_gym.solver.neighbors import WIDEST_GROUP
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
 from sph_gym.solver.stepping import Model
+from sph_gym.solver.surface import (
+    DISORDER,
+    HELD_BACK,
+    SHAPE_SCALE,
+    calibrated_stress,
+    inverse_weight,
+)
 from sph_gym.solver.walls import make_box, make_period, make_plates
 
 # Of h^2, for the lists: whoever is within h must be on them, however distances were rounded.
@@ -132,10 +138,7 @@ def _pair_effects(scene: Scene, mass: float, number: Any) -> PairEffects:
         tensile = TensileCorrection(number(named.tensile_correction), number(inv_weight))
         effects = effects._replace(tensile_correction=tensile)
     if named.surface_tension is not None:
-        s, zero = calibrated_cohesion(named.surface_tension, h, scene.dx)
-        strength = number(s / (h * mass * force_scale))
-        cohesion = SurfaceTension(strength, number(h), number(1 / h), number(zero))
-        effects = effects._replace(surface_tension=cohesion)
+        effects = effects._replace(surface_tension=_surface_tension(scene, kernel, mass, number))
     if named.density_diffusion is not None:
         stiffness = scene.fluid.stiffness(c0)
         effects = effects._replace(density_diffusion=_density_diffusion(scene, stiffness, number))
@@ -152,6 +155,21 @@ def _laminar(nu: float, form: str, kernel: Any, number: Any) -> Any:
     if form == "morris":
         return MorrisViscosity(number(4 * nu))
     return LaplacianViscosity(number(2 * nu * kernel.viscosity_scale / kernel.gradient_scale))
+
+
+def _surface_tension(scene: Scene, kernel: Any, mass: float, number: Any) -> SurfaceTension:
+    """In a fluid with particles of this mass [kg/m]."""
+    sigma, h, volume = scene.effects.surface_tension, scene.h, mass / scene.fluid.rho0
+    stress = calibrated_stress(sigma, kernel, volume, scene.dx)  # type: ignore[arg-type]
+    shape_scale = SHAPE_SCALE / h**7
+    return SurfaceTension(
+        number(stress * volume**2 * shape_scale / (mass**2 * kernel.gradient_scale)),
+        number(volume * shape_scale),
+        number(h),
+        number((DISORDER / h) ** 2),
+        number(HELD_BACK),
+        number(kernel.weight_scale * inverse_weight(kernel, scene.dx)),
+    )
 
 
 def _density_diffusion(scene: Scene, stiffness: float, number: Any) -> DensityDiffusion:

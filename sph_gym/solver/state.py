@@ -22,6 +22,8 @@ class Particles(NamedTuple):
     What the rest is for, only some scenes need; where it isn't needed, it is None. ax, ay [m/s^2],
     tx, ty [m/s] and growth [kg/(m^3 s)]: the rates at the last evaluation, see `stepping.Rates`;
     offset: density less the kernel sum [kg/m^3], where densities follow the continuity equation;
+    nx, ny: n / sqrt|n|, n the gradient of the share of space that is filled [1/m], where surfaces
+    have tension;
     ghost_u, ghost_v: of wall particles, the velocity [m/s] that viscosity sees.
     """
 
@@ -38,6 +40,8 @@ class Particles(NamedTuple):
     ty: Any = None
     growth: Any = None
     offset: Any = None
+    nx: Any = None
+    ny: Any = None
     ghost_u: Any = None
     ghost_v: Any = None
 

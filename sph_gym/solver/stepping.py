@@ -363,7 +363,7 @@ def advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
         if not full:
             end = compute_fluid_density(
                 rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
-                kernel, eos, constants, model.effects.continuity,
+                kernel, eos, constants, model.effects,
             )  # fmt: skip
         status[rank, FULL], status[rank, LISTED] = full or end > room, end
         if not meet(team, n_threads) or any_full(status, n_threads):

@@ -503,7 +503,8 @@ def test_wrong_arguments_are_named(name, argument, value):
         (name, argument)
         for name in scenes.names()
         for argument in scenes.parameters(name)
-        if argument not in ("jitter", "seed", "ramp", "noise", "degrees") and scenes.parameters(name)[argument] != 0
+        if argument not in ("jitter", "seed", "ramp", "noise", "degrees")
+        and scenes.parameters(name)[argument] != 0
     ],
 )
 def test_sizes_of_zero_are_named(name, argument):

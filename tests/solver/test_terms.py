@@ -249,7 +249,7 @@ def test_integrators_in_periodic_domains(integrator):
 # --- What is conserved ----------------------------------------------------------------------
 
 PAIRWISE = {name: one for name, one in EFFECTS.items() if "gravity" not in name}
-CENTRAL = ["artificial viscosity", "quadratic viscosity", "tensile correction", "surface tension"]
+CENTRAL = ["artificial viscosity", "quadratic viscosity", "tensile correction"]
 
 
 @pytest.mark.parametrize("name", PAIRWISE)

@@ -449,8 +449,8 @@ class Naive:
         stress = p / rho**2
         under_tension = np.where(p < 0, epsilon * np.abs(stress), 0.0)
         repulsion = under_tension[:n, None] + under_tension[None, :]
-        both_pushed = (p[:n, None] > 0) & (p[None, :] > 0)
-        repulsion += np.where(both_pushed, 0.01 * (stress[:n, None] + stress[None, :]), 0.0)
+        lesser = np.minimum(stress[:n, None], stress[None, :])
+        repulsion += 0.02 * np.maximum(lesser, 0.0)
         f = self.kernel.density(r, self.h) / self.kernel.density(np.array(self.scene.dx), self.h)
         return repulsion * f**4
 

@@ -9,7 +9,7 @@ particle. `Pair` and `Sums` say what they are given and what they add to.
 from typing import Any, NamedTuple
 
 from sph_gym.solver.jit import dispatch, jitable
-from sph_gym.solver.lanes import like, maximum, minimum, rsqrt, select
+from sph_gym.solver.lanes import like, maximum, minimum, rsqrt
 
 
 class Pair(NamedTuple):
@@ -83,17 +83,18 @@ class TensileCorrection(NamedTuple):
 
 @jitable
 def add_tensile_correction(effect, pair, stress):
-    """R (W(r) / W(dx))^4, R = eps |p|/rho^2 for either under tension, 0.01 of both if neither is.
+    """R (W(r) / W(dx))^4, R = eps |p|/rho^2 of both under tension + 0.02 of the lesser pressure.
 
     A repulsion within dx that keeps particles from pairing under tension.
-    Source: Monaghan 2000, section 3, eqs. 3.1 and 4.2.
+    Source: Monaghan 2000, section 3, eqs. 3.1 and 4.2; there 0.01 of both pressures, which jumps
+    where one of them changes its sign, so that round-off at p = 0 would decide on a force.
     """
     if effect is None:
         return stress
     zero = like(pair.r2, 0.0)
     tension = maximum(zero - pair.stress_i, zero) + maximum(zero - pair.stress_j, zero)
-    both = minimum(pair.stress_i, pair.stress_j) > zero
-    push = select(both, like(zero, 0.01) * stress, effect.strength * tension)
+    squeezed = maximum(minimum(pair.stress_i, pair.stress_j), zero)
+    push = effect.strength * tension + like(zero, 0.02) * squeezed
     share = pair.weight * effect.inv_weight
     return stress + push * (share * share * (share * share))
 

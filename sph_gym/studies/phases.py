@@ -38,8 +38,7 @@ def fluid_density(world, model, standstill, repeats):
         grid = read_grid(world.sorting.frame)
         compute_fluid_density(
             0, 1, 0, world.fluid.id.size, world.fluid, world.start, world.walls, world.wall_start,
-            grid, world.lists, model.kernel, model.eos, model.constants,
-            model.effects.continuity,
+            grid, world.lists, model.kernel, model.eos, model.constants, model.effects,
         )  # fmt: skip
 
 

@@ -10,8 +10,10 @@ def test_every_scene_starts_at_rest_density(name):
     sim = Simulation(scenes.make(name))
     rho = sim.rho[: sim.n_fluid] / sim.scene.fluid.rho0
     assert rho.max() < 1.2
+    # waves and tanks begin with the pressure that their depth needs
+    compressed = name in ("standing_wave", "sloshing", "hydrostatic_tank")
     if name != "relaxation":
-        assert np.isclose(np.median(rho), 1.0, atol=1e-3)
+        assert np.isclose(np.median(rho), 1.0, atol=0.01 if compressed else 1e-3)
 
 
 @pytest.mark.parametrize("name", scenes.names())

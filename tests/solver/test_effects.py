@@ -62,8 +62,11 @@ def test_columns_are_there_for_what_needs_them():
     assert columns("extrapolated") == (set(), {"ghost_u", "ghost_v"})
     assert columns("channel") == (rates | drift, set())
     assert columns("moving") == (rates | drift, {"ax", "ay"})
-    assert columns("all, euler") == (set(), {"ghost_u", "ghost_v", "ax", "ay"})
-    assert columns("all, kick")[0] == rates | drift | {"growth"}
+    surface, continuity = {"nx", "ny"}, {"offset"}
+    assert columns("all, euler") == (
+        surface | continuity, {"ghost_u", "ghost_v", "ax", "ay"},
+    )  # fmt: skip
+    assert columns("all, kick")[0] == rates | drift | surface | continuity | {"growth"}
 
 
 @uncompiled

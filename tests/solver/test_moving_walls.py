@@ -73,7 +73,9 @@ def wall_pressures(rho, clamp=False, **more):
     effects = replace(more.pop("effects", Effects()), continuity=True)
     sim = Simulation(cloud(x=x, v=None, fluid=water, effects=effects, walls=extrapolated(**more)))
     snapshot = sim.snapshot()
-    snapshot["fluid"]["rho"][:] = rho(sim.engine.fluid.y[: sim.n_fluid])
+    columns, n = snapshot["fluid"], sim.n_fluid
+    # a density is a sum of weights plus what is carried
+    columns["offset"][:n] += rho(columns["y"][:n]) - columns["rho"][:n]
     sim.restore(snapshot)
     return sim
 

@@ -117,7 +117,7 @@ def sorted_by_cells(x):
     assert lay_grid(sorting.frame, source, H, n_cells)
     assert not lay_grid(sorting.frame, source, H, n_cells)  # it is there
     grid = read_grid(sorting.frame)
-    assert sort_into_cells(0, 1, make_team(), grid, source, target, sorting, start, None)
+    assert sort_into_cells(0, 1, make_team(), grid, source, target, sorting, start)
     present = {name: a[: len(x)] for name, a in target._asdict().items() if a is not None}
     return grid, start, target._replace(**present)
 

@@ -503,7 +503,7 @@ def test_wrong_arguments_are_named(name, argument, value):
         (name, argument)
         for name in scenes.names()
         for argument in scenes.parameters(name)
-        if argument not in ("jitter", "seed", "ramp", "noise", "degrees")
+        if argument not in ("jitter", "seed", "ramp", "noise", "degrees", "ohnesorge")
         and scenes.parameters(name)[argument] != 0
     ],
 )

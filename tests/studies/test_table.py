@@ -44,7 +44,7 @@ def test_show_writes_all_columns(tmp_path, capsys):
 
 def test_a_study_fails_aloud(tmp_path, monkeypatch, capsys):
     rows = [Row("speed", "a", 1.0, "m/s", 2.0), Row("speed", "b", 3.0, "m/s", 2.0)]
-    monkeypatch.setitem(studies._STUDIES, "validation", lambda quick: rows)
+    monkeypatch.setitem(studies._STUDIES, "validation", lambda quick, folder: rows)
     assert main(["study", "validation", "--output", str(tmp_path)]) == 1
     assert "FAILS" in capsys.readouterr().out
     with (tmp_path / "validation.csv").open() as file:
@@ -52,7 +52,7 @@ def test_a_study_fails_aloud(tmp_path, monkeypatch, capsys):
 
 
 def test_an_interrupted_study_keeps_its_rows(tmp_path, monkeypatch, capsys):
-    def rows(quick):
+    def rows(quick, folder):
         yield Row("speed", "a", 1.0, "m/s")
         raise KeyboardInterrupt
 
@@ -74,7 +74,7 @@ def test_the_machine_is_described(tmp_path, capsys):
 
 
 def test_only_one_study_has_peers(tmp_path):
-    with pytest.raises(ValueError, match="--peers: only the throughput study"):
+    with pytest.raises(ValueError, match="peers: only the throughput study"):
         studies.run_study("validation", folder=tmp_path, peers=Peers(tmp_path))
 
 

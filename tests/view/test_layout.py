@@ -15,8 +15,10 @@ def test_pictures_have_even_sizes_and_hold_the_whole_scene(name, width):
     layout = arrange(scene, width, n_lines=2)
     assert layout.size[0] == width + width % 2
     assert layout.size[1] % 2 == 0
-    everything = [scene.x] if scene.walls is None else [scene.x, scene.walls.particles]
-    at = layout.pixels(np.concatenate(everything))
+    everything = np.asarray(scene.x)
+    if scene.walls is not None and scene.walls.particles is not None:
+        everything = np.concatenate([everything, scene.walls.particles])
+    at = layout.pixels(everything)
     assert (at > 0).all()
     assert (at < layout.domain[2:]).all()
 

@@ -66,16 +66,18 @@ def test_at_a_wall_without_friction_nothing_drags(pressure):
 # --- Pressure at extrapolated walls ---------------------------------------------------------
 
 
-def wall_pressures(rho, clamp=False, **more):
-    """Of floor and side walls around a block whose density [kg/m^3] is given, (n_walls,)."""
+def wall_pressures(rho, clamp=False, time=0.0, **more):
+    """A block between floor and side walls whose density [kg/m^3] is given, at a time [s]."""
     water = Fluid(c0=C0, kernel="wendland_c2", clamp=clamp)
     x = lattice(0.0, SIDE, 0.0, SIDE, DX)
     effects = replace(more.pop("effects", Effects()), continuity=True)
     sim = Simulation(cloud(x=x, v=None, fluid=water, effects=effects, walls=extrapolated(**more)))
+    sim.restore(sim.snapshot() | {"time": time, "clock": time})
     snapshot = sim.snapshot()
     columns, n = snapshot["fluid"], sim.n_fluid
     # a density is a sum of weights plus what is carried
-    columns["offset"][:n] += rho(columns["y"][:n]) - columns["rho"][:n]
+    present = sim.engine.fluid.rho[:n]
+    columns["offset"][:n] += rho(columns["y"][:n]) - present
     sim.restore(snapshot)
     return sim
 
@@ -112,12 +114,11 @@ def test_under_gravity_it_is_the_hydrostatic_one():
 def test_an_accelerated_wall_feels_its_own_acceleration():
     g = 9.81
     falling = Motion(amplitude=(0.0, 0.01), frequency=np.sqrt(g / 0.01) / (2 * np.pi))
-    sim = wall_pressures(
-        lambda y: np.full_like(y, 1005.0), effects=Effects(gravity=(0.0, -g)), motion=falling
-    )
     quarter = 0.25 / falling.frequency  # where the walls fall as fast as everything else
-    snapshot = sim.snapshot()
-    sim.restore(snapshot | {"time": quarter, "clock": quarter})
+    sim = wall_pressures(
+        lambda y: np.full_like(y, 1005.0), time=quarter, effects=Effects(gravity=(0.0, -g)),
+        motion=falling,
+    )  # fmt: skip
     wet = sim.p[sim.n_fluid :] != 0.0
     assert sim.p[sim.n_fluid :][wet] == pytest.approx(sim.p[0], rel=1e-6)
 

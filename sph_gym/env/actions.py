@@ -38,7 +38,7 @@ def encode(scene: Scene, controls: Controls) -> Coordinates:
         _position(math.log(c / scene.fluid.c0), *map(math.log, SOUND)),
         _position(controls.xsph, *XSPH),
     )
-    return np.clip(numbers, -1.0, 1.0)
+    return np.array([min(max(number, -1.0), 1.0) for number in numbers])
 
 
 def decode(scene: Scene, coordinates: Coordinates) -> Controls:
@@ -46,6 +46,14 @@ def decode(scene: Scene, coordinates: Coordinates) -> Controls:
     courant = math.exp(_value(coordinates[0], *map(math.log, COURANT)))
     c = scene.fluid.c0 * math.exp(_value(coordinates[1], *map(math.log, SOUND)))
     return Controls(courant * scene.h / c, scene.fluid.stiffness(c), _value(coordinates[2], *XSPH))
+
+
+def limit(wanted: Coordinates, present: Coordinates, factor: float) -> Coordinates:
+    """`wanted`, but with a sound speed at most `factor` times, or 1 / factor, the present one."""
+    reach = 2 * math.log(factor) / math.log(SOUND[1] / SOUND[0])
+    held = wanted.copy()
+    held[1] = min(max(wanted[1], present[1] - reach), present[1] + reach)
+    return held
 
 
 def _position(value: float, low: float, high: float) -> float:
@@ -113,6 +121,15 @@ class Discrete:
             raise ValueError(f"action: expected an integer from 0 to 26, got {action!r}")
         moves = np.array(np.unravel_index(int(action), (3, 3, 3))) - 1
         return np.clip(present + STEP * moves, -1.0, 1.0)
+
+    def masks(self, present: Coordinates) -> NDArray[np.bool_]:
+        """(27,) which actions do something that no other one does, at a corner of the space.
+
+        A coordinate at its end can't be moved beyond it: moving it and leaving it are the same.
+        """
+        moves = np.array(np.unravel_index(np.arange(27), (3, 3, 3))).T - 1
+        beyond = (moves > 0) & (present >= 1.0) | (moves < 0) & (present <= -1.0)
+        return np.asarray(~beyond.any(axis=1))
 
     def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
         """The action that comes closest to wanted coordinates."""

@@ -1,16 +1,34 @@
-"""What an agent sees: 20 dimensionless numbers from the running solver, none from the reference."""
+"""What an agent sees: dimensionless numbers or a small picture, none of it from the reference."""
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from sph_gym.env.actions import Coordinates
+from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.stepping import COURANT, FORCE
+
+
+class Moment(NamedTuple):
+    """What there is to see.
+
+    now, before: `look` after and before the step; coordinates: of the present controls; progress:
+    share of the episode that is over; n_substeps: of the last step; setbacks: blow-ups that were
+    taken back in a row, as a share of how many may be.
+    """
+
+    sim: Simulation
+    now: dict[str, float]
+    before: dict[str, float]
+    coordinates: Coordinates
+    progress: float
+    n_substeps: int
+    setbacks: float
 
 
 class Glance(NamedTuple):
@@ -26,6 +44,7 @@ class Glance(NamedTuple):
     coordinates: Coordinates
     progress: float
     n_substeps: int
+    setbacks: float
     speed: float
     size: float
     elevation: float
@@ -109,56 +128,114 @@ FEATURES = (
 )  # fmt: skip
 
 
+SETBACKS = Feature(
+    "setbacks", 0, 1, "blow-ups that were just taken back in a row / how many may be",
+    lambda g: g.setbacks,
+)  # fmt: skip
+
+
+def look(sim: Simulation) -> dict[str, float]:
+    """The diagnostics and what observations need besides."""
+    numbers = sim.diagnostics()
+    mass = sim.mass * sim.n_fluid
+    numbers["speed2"] = 2 * numbers["kinetic_energy"] / mass
+    numbers["com_v"] = numbers["momentum_y"] / mass
+    return numbers
+
+
 class Features:
     """A bounded float32 vector with one entry per row of FEATURES; s(x) = x / (1 + x).
 
     U is the scene's velocity scale c0 / 10, its size the square root of the fluid's area.
+    rollback: one entry more, `SETBACKS`.
     """
 
-    def __init__(self) -> None:
-        low, high = ([getattr(feature, side) for feature in FEATURES] for side in ("low", "high"))
+    def __init__(self, rollback: bool = False) -> None:
+        self.rows = (*FEATURES, SETBACKS) if rollback else FEATURES
+        low, high = ([getattr(feature, side) for feature in self.rows] for side in ("low", "high"))
         self._low, self._high = np.array(low, np.float32), np.array(high, np.float32)
 
     def space(self) -> spaces.Box:
-        """Box((20,), float32)."""
+        """Box((20,), float32), or (21,)."""
         return spaces.Box(self._low, self._high, dtype=np.float32)
 
-    def look(self, sim: Simulation) -> dict[str, float]:
-        """The diagnostics and what the features need besides."""
-        numbers = sim.diagnostics()
-        mass = sim.mass * sim.n_fluid
-        numbers["speed2"] = 2 * numbers["kinetic_energy"] / mass
-        numbers["com_v"] = numbers["momentum_y"] / mass
-        return numbers
-
-    def observe(
-        self,
-        sim: Simulation,
-        now: dict[str, float],
-        before: dict[str, float],
-        coordinates: Coordinates,
-        progress: float,
-        n_substeps: int,
-    ) -> NDArray[np.float32]:
+    def observe(self, moment: Moment) -> NDArray[Any]:
         """The vector for the present state."""
-        scene, n = sim.scene, sim.n_fluid
-        acceleration, rho = sim.a[:n], sim.rho[:n]
-        g = scene.effects.gravity_at(sim.time)
-        pull = float(np.hypot(*g))
-        adrift = np.hypot(*(acceleration - g).T) < 0.1 * pull
+        sim, now = moment.sim, moment.now
+        scene = sim.scene
         limit = FORCE * math.sqrt(scene.h / max(now["max_acceleration"], 1e-12))
         glance = Glance(
             now,
-            before,
-            coordinates,
-            progress,
-            n_substeps,
+            moment.before,
+            moment.coordinates,
+            moment.progress,
+            moment.n_substeps,
+            moment.setbacks,
             speed=scene.fluid.c0 / 10,
-            size=math.sqrt(n) * scene.dx,
-            elevation=now["com_y"] - float(sim.x[:n, 1].min()),
-            falling=float(adrift.mean()) if pull > 0 else 0.0,
-            surface=float(np.mean(rho < 0.9 * scene.fluid.rho0)),
+            size=math.sqrt(sim.n_fluid) * scene.dx,
+            elevation=now["com_y"] - now["lowest"],
+            falling=now["adrift"],
+            surface=now["surface"],
             force_limit=limit * sim.sound_speed / (COURANT * scene.h),
         )
-        values = np.array([feature.value(glance) for feature in FEATURES], np.float32)
-        return np.clip(values, self._low, self._high)
+        values = np.array([feature.value(glance) for feature in self.rows], np.float32)
+        return np.minimum(np.maximum(values, self._low), self._high)
+
+
+class Field:
+    """A picture for networks with convolutions: (36, 36, 4) uint8, the first row on top.
+
+    Channel 0: share of a cell that is filled, 128 for all of it; 1, 2: mean velocity of its
+    particles, 128 + 127 tanh(v / U), with U = c0 / 10; 3: four bands from top to bottom, progress
+    and the three action coordinates, 0 to 255 for their range. The picture spans the fluid's
+    start and the walls; what leaves it isn't seen. rollback: progress shares its band with
+    `SETBACKS`, left and right.
+    """
+
+    SIZE = 36
+
+    def __init__(self, rollback: bool = False) -> None:
+        self._rollback = rollback
+
+    def space(self) -> spaces.Box:
+        """Box(0, 255, (36, 36, 4), uint8)."""
+        return spaces.Box(0, 255, (self.SIZE, self.SIZE, 4), np.uint8)
+
+    def observe(self, moment: Moment) -> NDArray[Any]:
+        """The picture of the present state."""
+        sim, size = moment.sim, self.SIZE
+        scene, fluid, n = sim.scene, sim.engine.fluid, sim.n_fluid
+        low, extent = _frame(scene)
+        column = np.floor((fluid.x[:n] - low[0]) * (size / extent[0]))
+        row = np.floor((low[1] + extent[1] - fluid.y[:n]) * (size / extent[1]))
+        inside = (column >= 0) & (column < size) & (row >= 0) & (row < size)
+        place = (row[inside] * size + column[inside]).astype(np.int64)
+        count = np.bincount(place, minlength=size * size)
+        picture = np.empty((size, size, 4))
+        flat = picture.reshape(size * size, 4)
+        flat[:, 0] = 128 * count * scene.dx**2 / (extent[0] * extent[1] / size**2)
+        for channel, velocity in ((1, fluid.u), (2, fluid.v)):
+            mean = np.bincount(place, velocity[:n][inside], size * size) / np.maximum(count, 1)
+            flat[:, channel] = 128 + 127 * np.tanh(mean / (scene.fluid.c0 / 10))
+        shares = (moment.progress, *((moment.coordinates + 1) / 2))
+        for band, share in enumerate(shares):
+            picture[band * size // 4 : (band + 1) * size // 4, :, 3] = 255 * share
+        if self._rollback:
+            picture[: size // 4, size // 2 :, 3] = 255 * moment.setbacks
+        return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def _frame(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower left corner and size [m] of what a picture of the scene spans."""
+    places = [np.asarray(scene.x)]
+    if scene.walls is not None and scene.walls.particles is not None:
+        places.append(np.asarray(scene.walls.particles))
+    low = np.min([x.min(axis=0) for x in places], axis=0) - scene.dx / 2
+    high = np.max([x.max(axis=0) for x in places], axis=0) + scene.dx / 2
+    if len(places) == 1:
+        # in empty space, the fluid may spread to twice its size
+        low, high = low - (high - low) / 2, high + (high - low) / 2
+    return low, high - low
+
+
+TYPES: dict[str, type[Features] | type[Field]] = {"features": Features, "field": Field}

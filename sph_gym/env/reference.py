@@ -34,12 +34,16 @@ Floats = NDArray[np.float64]
 class Observables(NamedTuple):
     """A run in a few numbers, at the end of every frame and at the start (n_frames + 1).
 
-    com: (n, 2) centre of mass [m]; kinetic: (n,) kinetic energy [J/m]; clumping: (n,) share of
-    particles closer than 0.6 dx to another one.
+    com, extent: (n, 2) centre of mass and standard deviations of x and y [m]; kinetic, potential:
+    (n,) energies [J/m]; front: (n,) largest x [m]; clumping: (n,) share of particles closer than
+    0.6 dx to another one.
     """
 
     com: Floats
+    extent: Floats
     kinetic: Floats
+    potential: Floats
+    front: Floats
     clumping: Floats
 
 
@@ -125,13 +129,18 @@ def _run(scene: Scene, sound: float) -> Observables:
             )
         rows.append(_look(sim))
     table = np.array(rows)
-    return Observables(table[:, :2], table[:, 2], table[:, 3])
+    return Observables(table[:, :2], table[:, 2:4], *table[:, 4:].T)
 
 
-def _look(sim: Simulation) -> tuple[float, float, float, float]:
+COLUMNS = (
+    "com_x", "com_y", "extent_x", "extent_y", "kinetic_energy", "potential_energy", "front",
+    "clumping",
+)  # fmt: skip
+
+
+def _look(sim: Simulation) -> list[float]:
     numbers = sim.diagnostics()
-    names = ("com_x", "com_y", "kinetic_energy", "clumping")
-    return tuple(numbers[name] for name in names)  # type: ignore[return-value]
+    return [numbers[name] for name in COLUMNS]
 
 
 def _cfl_substeps(scene: Scene) -> float:

@@ -24,6 +24,8 @@ def scene_of(id_: str) -> str:
 def register_all() -> None:
     """Register one id per scene, and sph_gym/Custom-v0 for a `scene=` of the user's own."""
     entry_point = "sph_gym.env.tuning:TuningEnv"
+    vector = "sph_gym.env.vector:TuningVectorEnv"
     for scene in SCENES:
-        gym.register(env_id(scene), entry_point=entry_point, kwargs={"scene": scene})
-    gym.register(f"sph_gym/Custom-{VERSION}", entry_point=entry_point)
+        gym.register(env_id(scene), entry_point, vector_entry_point=vector, kwargs={"scene": scene})
+    gym.register(env_id("mixed"), entry_point, vector_entry_point=vector, kwargs={"scene": "mixed"})
+    gym.register(f"sph_gym/Custom-{VERSION}", entry_point, vector_entry_point=vector)

@@ -8,13 +8,14 @@ no early death can pay.
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.env.reference import Reference
-from sph_gym.solver.checks import number
+from sph_gym.solver.checks import number, positive
 from sph_gym.solver.scene import Scene
 
 TERMS = ("density", "clumping", "fidelity", "work", "blowup")
@@ -29,17 +30,19 @@ class Tolerances(NamedTuple):
     """What counts as an error of 1.
 
     compression, compression_p99: mean and 99th percentile of max(rho/rho0 - 1, 0); clumping: share
-    of particles closer than 0.6 dx beyond the reference's share; com_drift: of the centre of mass
-    within WINDOW steps [dx]; kinetic_drift: of the kinetic energy [share of its maximum]. The last
-    three are widened by the spread between equally fine references, times `spread`, and the very
-    last never falls below `kinetic_floor` times the energy of the whole fluid at c0 / 10: in a
-    fluid at rest there is no flow to be faithful to.
+    of particles closer than 0.6 dx beyond the reference's share; com_drift, extent_drift: of the
+    centre of mass and of the standard deviations of x and y within WINDOW steps [dx];
+    kinetic_drift: of the kinetic energy [share of its maximum]. The last four are widened by the
+    spread between equally fine references, times `spread`, and the very last never falls below
+    `kinetic_floor` times the energy of the whole fluid at c0 / 10: in a fluid at rest there is no
+    flow to be faithful to.
     """
 
     compression: float = 0.01
     compression_p99: float = 0.04
     clumping: float = 0.15
     com_drift: float = 1.0
+    extent_drift: float = 1.0
     kinetic_drift: float = 0.05
     kinetic_floor: float = 1e-3
     spread: float = 2.0
@@ -53,51 +56,58 @@ class Errors(NamedTuple):
     fidelity: float
 
 
+Place = tuple[float, float, float, float, float]
+
+
 class Judge:
     """Follows one episode and measures it against its reference."""
 
     def __init__(
         self, reference: Reference, scene: Scene, fluid_mass: float, tolerances: Tolerances
     ) -> None:
-        self._fine = reference.fine
-        self._tolerances = tolerances
-        self._dx = scene.dx
+        fine, self._tolerances, t = reference.fine, tolerances, tolerances
+        columns = (*fine.com.T, *fine.extent.T, fine.kinetic)
+        # plain numbers: an episode looks at one row at a time
+        self._fine = np.stack(columns, axis=-1).tolist()
         whole = fluid_mass * (scene.fluid.c0 / 10) ** 2 / 2
-        self._kinetic_scale = max(
-            tolerances.kinetic_drift * float(self._fine.kinetic.max()),
-            tolerances.kinetic_floor * whole,
-        )
-        self._com_spread = np.zeros(len(self._fine.kinetic))
-        self._kinetic_spread = np.zeros_like(self._com_spread)
-        self._clumping_spread = np.zeros_like(self._com_spread)
+        kinetic = max(t.kinetic_drift * float(fine.kinetic.max()), t.kinetic_floor * whole)
+        base = (t.com_drift * scene.dx, t.extent_drift * scene.dx, kinetic)
+        spread = np.zeros((len(fine.kinetic), 4))
         for twin in reference.twins:
-            com = np.hypot(*_drift(twin.com - self._fine.com).T)
-            kinetic = np.abs(_drift(twin.kinetic - self._fine.kinetic))
-            clumping = np.abs(twin.clumping - self._fine.clumping)
-            self._com_spread = np.maximum(self._com_spread, com)
-            self._kinetic_spread = np.maximum(self._kinetic_spread, kinetic)
-            self._clumping_spread = np.maximum(self._clumping_spread, clumping)
-        self._past = [(np.zeros(2), 0.0)]
+            gaps = (
+                np.hypot(*_drift(twin.com - fine.com).T),
+                np.hypot(*_drift(twin.extent - fine.extent).T),
+                np.abs(_drift(twin.kinetic - fine.kinetic)),
+                np.abs(twin.clumping - fine.clumping),
+            )
+            spread = np.maximum(spread, np.stack(gaps, axis=-1))
+        self._limits = (np.array(base) + t.spread * spread[:, :3]).tolist()
+        self._clumping = np.stack(
+            [fine.clumping, t.clumping + t.spread * spread[:, 3]], axis=-1
+        ).tolist()
+        self.past: list[Place] = [(0.0, 0.0, 0.0, 0.0, 0.0)]
 
-    def errors(self, frame: int, numbers: dict[str, float]) -> Errors:
+    def errors(self, frame: int, numbers: Mapping[str, float]) -> Errors:
         """The errors at the end of step `frame` (from 1); to be called once a step, in order."""
-        t, fine = self._tolerances, self._fine
-        com = np.array([numbers["com_x"], numbers["com_y"]]) - fine.com[frame]
-        kinetic = numbers["kinetic_energy"] - float(fine.kinetic[frame])
-        self._past.append((com, kinetic))
-        com_then, kinetic_then = self._past[max(frame - WINDOW, 0)]
-        com_limit = t.com_drift * self._dx + t.spread * self._com_spread[frame]
-        kinetic_limit = self._kinetic_scale + t.spread * self._kinetic_spread[frame]
-        excess = max(numbers["clumping"] - float(fine.clumping[frame]), 0.0)
+        t, fine = self._tolerances, self._fine[frame]
+        self.past.append((
+            numbers["com_x"] - fine[0], numbers["com_y"] - fine[1],
+            numbers["extent_x"] - fine[2], numbers["extent_y"] - fine[3],
+            numbers["kinetic_energy"] - fine[4],
+        ))  # fmt: skip
+        now, then = self.past[frame], self.past[max(frame - WINDOW, 0)]
+        com, extent, kinetic = self._limits[frame]
+        usual, room = self._clumping[frame]
         return Errors(
             max(
                 numbers["density_error"] / t.compression,
                 numbers["density_error_p99"] / t.compression_p99,
             ),
-            float(excess / (t.clumping + t.spread * self._clumping_spread[frame])),
+            max(numbers["clumping"] - usual, 0.0) / room,
             max(
-                float(np.hypot(*(com - com_then)) / com_limit),
-                float(abs(kinetic - kinetic_then) / kinetic_limit),
+                math.hypot(now[0] - then[0], now[1] - then[1]) / com,
+                math.hypot(now[2] - then[2], now[3] - then[3]) / extent,
+                abs(now[4] - then[4]) / kinetic,
             ),
         )
 
@@ -108,16 +118,32 @@ def _drift(error: NDArray[np.float64]) -> NDArray[np.float64]:
     return error - error[then]
 
 
-def check_weights(weights: dict[str, float] | None) -> dict[str, float]:
+def check_weights(weights: Mapping[str, float] | None) -> dict[str, float]:
     """One weight a term, 1 where none is given. Raises ValueError for unknown terms."""
     given = {} if weights is None else weights
-    if not isinstance(given, dict):
+    if not isinstance(given, Mapping):
         raise ValueError(f"reward_weights: expected a dictionary, got {weights!r}")
     for term, weight in given.items():
         if term not in TERMS:
             raise ValueError(f"reward_weights: expected terms {', '.join(TERMS)}, got {term!r}")
         number(f"reward_weights[{term!r}]", weight)
     return {term: float(given.get(term, 1.0)) for term in TERMS}
+
+
+def check_tolerances(tolerances: Mapping[str, float] | None) -> Tolerances:
+    """The usual tolerances but for those that are given.
+
+    Raises ValueError for unknown names and for what isn't positive.
+    """
+    given = {} if tolerances is None else tolerances
+    if not isinstance(given, Mapping):
+        raise ValueError(f"tolerances: expected a dictionary, got {tolerances!r}")
+    for name in given:
+        if name not in Tolerances._fields:
+            known = ", ".join(Tolerances._fields)
+            raise ValueError(f"tolerances: expected names {known}, got {name!r}")
+    checked = {name: positive(f"tolerances[{name!r}]", value) for name, value in given.items()}
+    return Tolerances(**checked)
 
 
 def terms(errors: Errors, work: float) -> dict[str, float]:

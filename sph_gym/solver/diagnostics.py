@@ -102,8 +102,8 @@ def _count(x, y, sources, lists, i, first, last, constants, h2, nearest, count):
     return nearest, count
 
 
-@jit
-def nearest_and_count(i, fluid, walls, lists, constants, h2, nearest, number):
+@jitable
+def look_around(i, fluid, walls, lists, constants, h2, nearest, number):
     """Fill two columns from fluid particle i on: the squared distance [m^2] to the nearest other
     fluid particle, inf if none is within h, and the number of all other particles within h.
     """
@@ -119,6 +119,107 @@ def nearest_and_count(i, fluid, walls, lists, constants, h2, nearest, number):
         store(nearest, i, near, n)
         store(number, i, others, n)
         i += n
+
+
+@jit
+def nearest_and_count(i, fluid, walls, lists, constants, h2, nearest, number):
+    """`look_around`, called from Python."""
+    look_around(i, fluid, walls, lists, constants, h2, nearest, number)
+
+
+class Survey(NamedTuple):
+    """What a look at every particle tells, beyond `Totals`.
+
+    density_p99: 99th percentile of max(rho/rho0 - 1, 0); clumping: share with another one closer
+    than 0.6 dx; nearest, median: smallest and median squared distance to the nearest other [m^2];
+    neighbors: mean number of them; surface: share below 0.9 rho0; adrift: share whose acceleration
+    is gravity's but for a tenth, 0 without gravity; acceleration: largest |a|^2 [m^2/s^4];
+    lowest: smallest y [m]; front: largest x [m]; extent_x, extent_y: standard deviations of x and
+    y [m].
+    """
+
+    density_p99: float
+    clumping: float
+    nearest: float
+    median: float
+    neighbors: float
+    surface: float
+    adrift: float
+    acceleration: float
+    lowest: float
+    front: float
+    extent_x: float
+    extent_y: float
+
+
+@jit
+def survey(
+    fluid, walls, lists, constants, h2, ax, ay, gx, gy, com_x, com_y, clumped, inv_rho0, work,
+    numbers,
+):  # fmt: skip
+    """Fill `numbers` with a `Survey`; com: centre of mass [m]; clumped: squared distance [m^2];
+    work: (2, m) scratch.
+    """
+    n = fluid.id.size
+    nearest, counts = work[0], work[1]
+    look_around(0, fluid, walls, lists, constants, h2, nearest, counts)
+    pull2 = gx * gx + gy * gy
+    near = surface = adrift = 0
+    neighbors, fastest, lowest, closest, front = 0.0, 0.0, np.inf, np.inf, -np.inf
+    extent_x = extent_y = 0.0
+    for i in range(n):
+        closest = min(closest, float(nearest[i]))
+        near += 1 if nearest[i] < clumped else 0
+        neighbors += float(counts[i])
+        x, y = float(ax[i]), float(ay[i])
+        fastest = max(fastest, x * x + y * y)
+        adrift += 1 if (x - gx) ** 2 + (y - gy) ** 2 < 0.01 * pull2 else 0
+        ratio = float(fluid.rho[i]) * inv_rho0
+        surface += 1 if ratio < 0.9 else 0
+        x, y = float(fluid.x[i]), float(fluid.y[i])
+        lowest, front = min(lowest, y), max(front, x)
+        extent_x += (x - com_x) ** 2
+        extent_y += (y - com_y) ** 2
+        counts[i] = max(ratio - 1.0, 0.0)
+    numbers[0], numbers[1] = quantile(counts, n, 0.99), near / n
+    numbers[2], numbers[3] = closest, quantile(nearest, n, 0.5)
+    numbers[4], numbers[5], numbers[6] = neighbors / n, surface / n, adrift / n
+    numbers[7], numbers[8], numbers[9] = fastest, lowest, front
+    numbers[10], numbers[11] = math.sqrt(extent_x / n), math.sqrt(extent_y / n)
+
+
+@jitable
+def quantile(values, n, share):
+    """Of the first n values, with linear interpolation as in numpy; leaves them in another order.
+
+    Source: Hoare 1961, algorithm 65 (find).
+    """
+    place = share * (n - 1)
+    k = int(place)
+    low, high = 0, n - 1
+    while low < high:
+        pivot, i, j = values[k], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while pivot < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if j < k:
+            low = i
+        if k < i:
+            high = j
+    below = float(values[k])
+    if k + 1 >= n or place == k:
+        return below
+    above = float(values[k + 1])
+    for i in range(k + 2, n):
+        above = min(above, float(values[i]))
+    # two infinities have no difference
+    return below if above == below else below + (place - k) * (above - below)
 
 
 class Ledger:
@@ -137,8 +238,7 @@ class Ledger:
     def __init__(self, totals: Totals, weight_scale: float, floor: float) -> None:
         self.expected = totals.kinetic + totals.internal
         self.at_stake = self.expected + weight_scale + floor
-        self.gravity_work = 0.0
-        self.deepest = 0.0
+        self.gravity_work = self.deepest = self.control_work = 0.0
 
     def add_gravity(self, work: float) -> None:
         """Book the work [J/m] that gravity did."""
@@ -148,6 +248,7 @@ class Ledger:
     def add_control(self, work: float) -> None:
         """Book the energy [J/m] that a change of stiffness put into the compressed fluid."""
         self.expected += work
+        self.control_work += work
         self.at_stake += abs(work)
 
     def excess(self, totals: Totals) -> float:
@@ -157,9 +258,9 @@ class Ledger:
         return float(surplus / (self.at_stake + self.deepest))
 
     def state(self) -> list[float]:
-        """The four numbers of the ledger, for a snapshot."""
-        return [self.expected, self.at_stake, self.gravity_work, self.deepest]
+        """The numbers of the ledger, for a snapshot."""
+        return [self.expected, self.at_stake, self.gravity_work, self.deepest, self.control_work]
 
     def set_state(self, numbers: list[float]) -> None:
         """Take back what `state` gave."""
-        self.expected, self.at_stake, self.gravity_work, self.deepest = numbers
+        self.expected, self.at_stake, self.gravity_work, self.deepest, self.control_work = numbers

@@ -47,6 +47,7 @@ class Engine:
         self._listed_by = 1
         self._pace = teams.Pace()
         self._records: dict[str, tuple[Any, Any]] = {}
+        self._work: NDArray[Any] | None = None
         self.model = make_model(scene, controls, mass, dtype)
         more = (*_kept_rates(scene), *(("offset",) if scene.effects.continuity else ()))
         normals = ("nx", "ny") if scene.effects.surface_tension is not None else ()
@@ -241,6 +242,21 @@ class Engine:
             0, self.fluid, self.walls, self.world.lists, constants, h2, nearest, count
         )
         return nearest[:n].astype(np.float64), count[:n].astype(np.int32)
+
+    def survey(self, acceleration: Any, gravity: Any, com: Any, dx: float) -> diagnostics.Survey:
+        """A look at every particle; acceleration: what `accelerations` gave; gravity [m/s^2]; com:
+        centre of mass [m].
+        """
+        n = len(self.fluid.id)
+        if self._work is None:
+            self._work = np.stack([column(n, self.dtype), column(n, self.dtype)])
+        numbers, clumped = np.zeros(len(diagnostics.Survey._fields)), diagnostics.CLUMPED * dx
+        diagnostics.survey(
+            self.fluid, self.walls, self.world.lists, self.model.constants, self.model.kernel.h2,
+            acceleration[0], acceleration[1], gravity[0], gravity[1], com[0], com[1], clumped**2,
+            float(self.model.eos.inv_rho0), self._work, numbers,
+        )  # fmt: skip
+        return diagnostics.Survey(*numbers.tolist())
 
     # --- the state --------------------------------------------------------------------------
 

@@ -134,7 +134,7 @@ class _Field:
 
     def at(self, time: float) -> Array:
         """(2,) the part that is the same everywhere [m/s^2]."""
-        return self.on(time, np.zeros((1, 2)), np.zeros((1, 2)))[0]
+        return np.array(acceleration(self.compiled(), time, 0.0, 0.0, 0.0, 0.0))
 
     def lasting(self) -> Array:
         """(2,) what is left of `at` in the mean over a long time [m/s^2]."""

@@ -123,6 +123,11 @@ class Simulation:
             self._ledger.add_control(self._totals.internal - held.internal)
 
     @property
+    def control_work(self) -> float:
+        """Energy [J/m] that changes of the stiffness have put into the fluid so far."""
+        return self._ledger.control_work
+
+    @property
     def sound_speed(self) -> float:
         """Sound speed [m/s] at the present stiffness."""
         return self.scene.fluid.sound_speed(self._controls.stiffness)
@@ -333,37 +338,46 @@ class Simulation:
         """The state in numbers. All are floats:
 
         time [s]; density_error: mean over the fluid of max(rho/rho0 - 1, 0), since a deficit at
-        a free surface is no error; density_error_p99: its 99th percentile; clumping: share of
+        a free surface is no error; density_error_p99: its 99th percentile; surface: share of
+        particles below 0.9 rho0; clumping: share of
         particles with another one closer than 0.6 dx; min_spacing: smallest distance / dx (inf
         for a lonely particle or none within h); median_spacing: median distance to the nearest
         neighbour / dx; mean_neighbors; kinetic_energy, potential_energy, internal_energy [J/m];
         energy_excess: energy from nowhere as a share of what is at stake; com_x, com_y: centre of
-        mass [m]; momentum_x, momentum_y [kg/s]; angular_momentum [kg m/s]; max_speed [m/s];
+        mass [m]; extent_x, extent_y: standard deviations of x and y [m]; lowest: smallest y [m];
+        front: largest x [m]; adrift: share of particles with |a - g| < 0.1 g, 0 without
+        gravity; momentum_x, momentum_y [kg/s]; angular_momentum [kg m/s]; max_speed [m/s];
         max_acceleration [m/s^2]; mach: max_speed / c; courant: dt c / h.
         """
         totals, scene = self._totals, self.scene
-        nearest, counts = self.engine.nearest_and_count()
-        spacing = np.sqrt(nearest) / scene.dx
-        excess = np.maximum(self.engine.fluid.rho[: self.n_fluid] / scene.fluid.rho0 - 1.0, 0.0)
+        self.evaluate()
+        gravity = scene.effects.gravity_at(self.time)
+        survey = self.engine.survey(self._acceleration, gravity, totals[2:4], scene.dx)
         return {
             "time": self.time,
             "density_error": totals.compression,
-            "density_error_p99": float(np.quantile(excess, 0.99)),
-            "clumping": float(np.mean(spacing < diagnostics.CLUMPED)),
-            "min_spacing": float(spacing.min()),
-            "median_spacing": float(np.median(spacing)),
-            "mean_neighbors": float(counts.mean()),
+            "density_error_p99": survey.density_p99,
+            "surface": survey.surface,
+            "clumping": survey.clumping,
+            "min_spacing": math.sqrt(survey.nearest) / scene.dx,
+            "median_spacing": math.sqrt(survey.median) / scene.dx,
+            "mean_neighbors": survey.neighbors,
             "kinetic_energy": totals.kinetic,
             "potential_energy": self._potential_energy(),
             "internal_energy": totals.internal,
             "energy_excess": self._ledger.excess(totals),
             "com_x": totals.com_x,
             "com_y": totals.com_y,
+            "extent_x": survey.extent_x,
+            "extent_y": survey.extent_y,
+            "lowest": survey.lowest,
+            "front": survey.front,
+            "adrift": survey.adrift,
             "momentum_x": totals.momentum_x,
             "momentum_y": totals.momentum_y,
             "angular_momentum": totals.angular_momentum,
             "max_speed": totals.max_speed,
-            "max_acceleration": float(self._acceleration_sizes().max()),
+            "max_acceleration": math.sqrt(survey.acceleration),
             "mach": totals.max_speed / self.sound_speed,
             "courant": self._controls.dt * self.sound_speed / scene.h,
         }

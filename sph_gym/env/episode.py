@@ -1,0 +1,192 @@
+"""One episode: everything of an environment but the running of the solver.
+
+Single and vector environments share this: they differ only in who advances the simulation between
+`act` and `conclude`.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.env import actions, rewards
+from sph_gym.env.observations import Features, Field, Moment, look
+from sph_gym.env.reference import n_frames, reference
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Report, Simulation
+
+
+class Rules(NamedTuple):
+    """What all episodes of an environment share.
+
+    rollbacks: how many blow-ups in a row are taken back, 0 if the first one ends the episode;
+    rate_limit: largest factor by which the sound speed may change in a step, or None.
+    """
+
+    actions: actions.Absolute | actions.Delta | actions.Discrete
+    observations: Features | Field
+    weights: dict[str, float]
+    tolerances: rewards.Tolerances
+    rollbacks: int
+    rate_limit: float | None
+
+
+class Outcome(NamedTuple):
+    """What a step came to; reward: the weighted terms in the order of `rewards.TERMS`."""
+
+    observation: NDArray[Any]
+    reward: list[float]
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+
+class Episode:
+    """A scene in motion, judged against its reference.
+
+    n_steps: frames until it is truncated; step: frames that are over; over: whether it has ended.
+    """
+
+    def __init__(
+        self, rules: Rules, instance_id: str, scene: Scene, threads: int | None = None
+    ) -> None:
+        self.rules, self.instance_id, self.scene = rules, instance_id, scene
+        self.sim = Simulation(scene, threads=threads)
+        self.n_steps, self.step, self.over = n_frames(scene), 0, False
+        self.reference = reference(scene)
+        fluid_mass = self.sim.mass * self.sim.n_fluid
+        self._judge = rewards.Judge(self.reference, scene, fluid_mass, rules.tolerances)
+        self.coordinates = actions.encode(scene, self.sim.controls)
+        self._before = self._numbers = look(self.sim)
+        self._report = Report(0, self.sim.controls.dt)
+        self._setbacks, self._substeps, self._control_work = 0, 0, 0.0
+        self._safe: dict[str, Any] | None = None
+        self.info = self._inform(0.0, rewards.Errors(0.0, 0.0, 0.0), [0.0] * len(rewards.TERMS))
+
+    # --- a step -----------------------------------------------------------------------------
+
+    def check(self, action: Any) -> None:
+        """Raises ValueError for what is no action."""
+        self.rules.actions.act(action, self.coordinates)
+
+    def act(self, action: Any) -> None:
+        """Set the controls that an action asks for. Raises ValueError for what is no action."""
+        wanted = self.rules.actions.act(action, self.coordinates)
+        # what a blow-up returns to
+        self._safe = self._keep() if self.rules.rollbacks else None
+        if self.rules.rate_limit is not None:
+            wanted = actions.limit(wanted, self.coordinates, self.rules.rate_limit)
+        self.coordinates = wanted
+        booked = self.sim.control_work
+        self.sim.controls = actions.decode(self.scene, wanted)
+        self._control_work = self.sim.control_work - booked
+
+    def conclude(self, report: Report) -> Outcome:
+        """What the step came to, once the simulation has advanced by a frame."""
+        self._report = report
+        self._substeps += report.n_substeps
+        self._before, self._numbers = self._numbers, look(self.sim)
+        errors = self._judge.errors(self.step + 1, self._numbers)
+        work = report.n_substeps / self.reference.cfl_substeps
+        taken_back = report.diverged and self._setbacks < self.rules.rollbacks
+        if not report.diverged:
+            terms = rewards.terms(errors, work)
+        else:
+            terms = rewards.blowup_terms(1 if taken_back else self.n_steps - self.step)
+        weighted = [self.rules.weights[term] * value for term, value in terms.items()]
+        self.info = self._inform(work, errors, weighted)
+        if taken_back:
+            assert self._safe is not None
+            self._return_to(self._safe)
+            self._setbacks += 1
+            self.info["rollbacks"] = float(self._setbacks)
+        else:
+            self.step, self._setbacks = self.step + 1, 0
+        terminated = report.diverged and not taken_back
+        truncated = self.step >= self.n_steps and not terminated
+        self.over = terminated or truncated
+        return Outcome(self.observe(), weighted, terminated, truncated, dict(self.info))
+
+    def observe(self) -> NDArray[Any]:
+        """What an agent sees of the present state."""
+        return self.rules.observations.observe(
+            Moment(
+                self.sim,
+                self._numbers,
+                self._before,
+                self.coordinates,
+                min(self.step / self.n_steps, 1.0),
+                self._report.n_substeps,
+                self._setbacks / max(self.rules.rollbacks, 1),
+            )
+        )
+
+    def _inform(self, work: float, errors: rewards.Errors, weighted: list[float]) -> dict[str, Any]:
+        controls, report = self.sim.controls, self._report
+        return {
+            "instance_id": self.instance_id,
+            "blowup_cause": report.cause,
+            "time": self.sim.time,
+            "dt": report.dt,
+            "stiffness": controls.stiffness,
+            "xsph": controls.xsph,
+            "n_substeps": float(report.n_substeps),
+            "work": work,
+            "density_error": self._numbers["density_error"],
+            "clumping": self._numbers["clumping"],
+            "fidelity_error": errors.fidelity,
+            "cost": float(report.diverged or max(errors) > 1.0),
+            "control_work": self._control_work,
+            "blowup": float(report.diverged),
+            "blowup_substep": float(self._substeps) if report.diverged else -1.0,
+            "time_to_failure": self.sim.time if report.diverged else -1.0,
+            "rollbacks": 0.0,
+            **{
+                f"reward_{term}": value for term, value in zip(rewards.TERMS, weighted, strict=True)
+            },
+        }
+
+    def toward(self, controls: Any) -> Any:
+        """The action that brings the controls as close as possible to the given ones."""
+        return self.rules.actions.toward(actions.encode(self.scene, controls), self.coordinates)
+
+    # --- the state --------------------------------------------------------------------------
+
+    def _keep(self) -> dict[str, Any]:
+        return {
+            "simulation": self.sim.snapshot(),
+            "past": list(self._judge.past),
+            "coordinates": self.coordinates.copy(),
+            "before": dict(self._before),
+            "numbers": dict(self._numbers),
+        }
+
+    def _return_to(self, kept: dict[str, Any]) -> None:
+        self.sim.restore(kept["simulation"])
+        self._judge.past = list(kept["past"])
+        self.coordinates = np.array(kept["coordinates"])
+        self._before, self._numbers = dict(kept["before"]), dict(kept["numbers"])
+
+    def state(self) -> dict[str, Any]:
+        """Everything that changes, picklable; an episode that takes it back goes on bit by bit."""
+        report = self._report
+        return self._keep() | {
+            "step": self.step,
+            "over": self.over,
+            "setbacks": self._setbacks,
+            "substeps": self._substeps,
+            "control_work": self._control_work,
+            "report": report,
+            "info": dict(self.info),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go back to what `state` gave. Raises ValueError if that was another kind of episode."""
+        try:
+            self._return_to(state)
+            self.step, self.over = int(state["step"]), bool(state["over"])
+            self._setbacks, self._substeps = int(state["setbacks"]), int(state["substeps"])
+            self._control_work = float(state["control_work"])
+            self._report, self.info = state["report"], dict(state["info"])
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"state: not one of an episode: {error!r}") from None

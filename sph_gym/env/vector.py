@@ -1,0 +1,219 @@
+"""Many environments at once: the same episodes, advanced side by side on threads."""
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space, iterate
+from numpy.typing import NDArray
+
+from sph_gym.env.tuning import TuningEnv
+from sph_gym.solver.batch import advance_all
+from sph_gym.solver.checks import known, whole
+from sph_gym.solver.simulation import Report
+
+MODES = {mode.value: mode for mode in AutoresetMode}
+
+
+class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
+    """`num_envs` times `TuningEnv`, to the last bit, but faster.
+
+    It holds single environments and asks them before and after a step; in between, all solvers run
+    in one compiled call per thread. num_envs, threads: how many; threads is by default the CPUs
+    that the process may use, and changes no result; autoreset_mode: of `AutoresetMode` or its
+    value; max_episode_steps: truncate after so many steps, as `gymnasium.make` would; all else as
+    `TuningEnv`. Environment k of a vector that is reset with seed s gets s + k.
+
+    Raises ValueError for what `TuningEnv` refuses.
+    """
+
+    metadata = {  # noqa: RUF012
+        "render_modes": ["rgb_array"],
+        "render_fps": 30,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        threads: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        **arguments: Any,
+    ) -> None:
+        self.num_envs = whole("num_envs", num_envs, at_least=1)
+        self.threads = None if threads is None else whole("threads", threads, at_least=1)
+        if not isinstance(autoreset_mode, AutoresetMode):
+            autoreset_mode = MODES[known("autoreset_mode", autoreset_mode, MODES)]
+        self.autoreset_mode = autoreset_mode
+        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
+        if max_episode_steps is not None:
+            whole("max_episode_steps", max_episode_steps, at_least=1)
+        self.max_episode_steps = max_episode_steps
+        if render_mode is not None:
+            known("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        self.envs = [TuningEnv(**arguments, render_mode=render_mode) for _ in range(num_envs)]
+        self.single_action_space = self.envs[0].action_space
+        self.single_observation_space = self.envs[0].observation_space
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._observations: list[Any] = [None] * num_envs
+        self._elapsed = np.zeros(num_envs, np.int64)
+        self._over = np.zeros(num_envs, np.bool_)
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override,misc]
+        """The generators of all environments."""
+        return tuple(env.np_random for env in self.envs)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:
+        """Their seeds."""
+        return tuple(env.np_random_seed for env in self.envs)
+
+    # --- reset ------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: Any = None
+    ) -> tuple[NDArray[Any], dict[str, Any]]:
+        """Start an episode in all environments, or in those of `options["reset_mask"]`."""
+        options = dict(options or {})
+        mask = self._mask(options.pop("reset_mask", None))
+        infos: list[dict[str, Any] | None] = [None] * self.num_envs
+        for k, own_seed in enumerate(self._seeds(seed)):
+            if mask[k]:
+                infos[k] = self._reset(k, own_seed, options or None)
+        return np.stack(self._observations), _columns(infos)
+
+    def _reset(self, k: int, seed: int | None = None, options: Any = None) -> dict[str, Any]:
+        self._observations[k], info = self.envs[k].reset(seed=seed, options=options)
+        self._elapsed[k], self._over[k] = 0, False
+        return info
+
+    def _mask(self, mask: Any) -> NDArray[np.bool_]:
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError(f"reset_mask: expected an array of booleans, got {mask!r}")
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(
+                f"reset_mask: expected shape ({self.num_envs},) and at least one True, got {mask!r}"
+            )
+        return mask
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, (int, np.integer)):
+            return [int(seed) + k for k in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed: expected {self.num_envs} of them, got {len(seed)}")
+        return seed
+
+    # --- step -------------------------------------------------------------------------------
+
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """One step of every environment; what has ended before is reset, as the mode says.
+
+        Raises ValueError for actions that are none, before anything moves, and ResetNeeded for
+        ended episodes if the mode is "Disabled".
+        """
+        given = list(iterate(self.action_space, actions))
+        if len(given) != self.num_envs:
+            raise ValueError(f"actions: expected {self.num_envs} of them, got {len(given)}")
+        waiting = self._over & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
+        playing = [k for k in range(self.num_envs) if not waiting[k]]
+        for k in playing:
+            self.envs[k].check(given[k])
+        for k in playing:
+            self.envs[k].begin_step(given[k])
+        infos: list[Any] = [None] * self.num_envs
+        finals: list[Any] = [None] * self.num_envs
+        terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
+        rewards: list[Any] = [self.envs[0].settings.reward_of([0.0] * 5)] * self.num_envs
+        for k, report in zip(playing, self._advance(playing), strict=True):
+            outcome = self.envs[k].end_step(report)
+            self._observations[k], rewards[k], terminated[k], truncated[k], infos[k] = outcome
+            self._elapsed[k] += 1
+            if self.max_episode_steps is not None and self._elapsed[k] >= self.max_episode_steps:
+                truncated[k] = True
+        self._over = terminated | truncated
+        for k in np.flatnonzero(waiting).tolist():
+            infos[k] = self._reset(k)
+        if self.autoreset_mode == AutoresetMode.SAME_STEP:
+            for k in np.flatnonzero(self._over).tolist():
+                finals[k] = self._observations[k], infos[k]
+                infos[k] = self._reset(k)
+        result = _columns(infos) | _final(finals)
+        return np.stack(self._observations), np.array(rewards), terminated, truncated, result
+
+    def _advance(self, playing: Sequence[int]) -> Iterator[Report]:
+        """Reports in the order of `playing`; those with the same frame go together."""
+        reports: dict[int, Report] = {}
+        frames = {k: self.envs[k].episode.scene.frame for k in playing}
+        for frame, alike in groupby(sorted(playing, key=frames.__getitem__), frames.__getitem__):
+            group = list(alike)
+            found = advance_all([self.envs[k].sim for k in group], frame, self.threads)
+            reports |= zip(group, found, strict=True)
+        return (reports[k] for k in playing)
+
+    # --- everything else --------------------------------------------------------------------
+
+    def render(self) -> tuple[NDArray[np.uint8] | None, ...]:  # type: ignore[override]
+        """A picture of every environment."""
+        return tuple(env.render() for env in self.envs)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close every environment."""
+        for env in self.envs:
+            env.close()
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """The method or attribute `name` of every environment."""
+        found = (getattr(env, name) for env in self.envs)
+        return tuple(each(*args, **kwargs) if callable(each) else each for each in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """The attribute `name` of every environment."""
+        return self.call(name)
+
+
+def _columns(infos: Sequence[dict[str, Any] | None]) -> dict[str, Any]:
+    """Infos of single environments as arrays, with the masks that Gymnasium adds.
+
+    All have the same keys, so that this needs no look at every value, which Gymnasium's does.
+    """
+    there = np.array([info is not None for info in infos])
+    known_infos = [info for info in infos if info is not None]
+    if not known_infos:
+        return {}
+    columns: dict[str, Any] = {}
+    for key, value in known_infos[0].items():
+        column = (
+            np.full(len(infos), None, object) if isinstance(value, str) else np.zeros(len(infos))
+        )
+        column[there] = [info[key] for info in known_infos]
+        columns[key], columns[f"_{key}"] = column, there.copy()
+    return columns
+
+
+def _final(finals: Sequence[tuple[Any, dict[str, Any]] | None]) -> dict[str, Any]:
+    """Last observations and infos of the episodes that ended, as "final_obs" and "final_info"."""
+    there = np.array([final is not None for final in finals])
+    if not there.any():
+        return {}
+    observations = np.full(len(finals), None, object)
+    for k, final in enumerate(finals):
+        observations[k] = None if final is None else final[0]
+    return {
+        "final_obs": observations,
+        "_final_obs": there.copy(),
+        "final_info": _columns([None if final is None else final[1] for final in finals]),
+        "_final_info": there.copy(),
+    }

@@ -151,9 +151,14 @@ class Features:
     """
 
     def __init__(self, rollback: bool = False) -> None:
-        self.rows = (*FEATURES, SETBACKS) if rollback else FEATURES
+        self._rollback = rollback
         low, high = ([getattr(feature, side) for feature in self.rows] for side in ("low", "high"))
         self._low, self._high = np.array(low, np.float32), np.array(high, np.float32)
+
+    @property
+    def rows(self) -> tuple[Feature, ...]:
+        """What the entries are."""
+        return (*FEATURES, SETBACKS) if self._rollback else FEATURES
 
     def space(self) -> spaces.Box:
         """Box((20,), float32), or (21,)."""

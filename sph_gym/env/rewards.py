@@ -90,12 +90,13 @@ class Judge:
     def errors(self, frame: int, numbers: Mapping[str, float]) -> Errors:
         """The errors at the end of step `frame` (from 1); to be called once a step, in order."""
         t, fine = self._tolerances, self._fine[frame]
-        self.past.append((
+        now = (
             numbers["com_x"] - fine[0], numbers["com_y"] - fine[1],
             numbers["extent_x"] - fine[2], numbers["extent_y"] - fine[3],
             numbers["kinetic_energy"] - fine[4],
-        ))  # fmt: skip
-        now, then = self.past[frame], self.past[max(frame - WINDOW, 0)]
+        )  # fmt: skip
+        self.past.append(now)
+        then = self.past[max(frame - WINDOW, 0)]
         com, extent, kinetic = self._limits[frame]
         usual, room = self._clumping[frame]
         return Errors(

@@ -5,6 +5,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
@@ -65,13 +66,13 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self._elapsed = np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, np.bool_)
 
-    @property
-    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override,misc]
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generators of all environments."""
         return tuple(env.np_random for env in self.envs)
 
     @property
-    def np_random_seed(self) -> tuple[int, ...]:
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """Their seeds."""
         return tuple(env.np_random_seed for env in self.envs)
 
@@ -127,6 +128,8 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         given = list(iterate(self.action_space, actions))
         if len(given) != self.num_envs:
             raise ValueError(f"actions: expected {self.num_envs} of them, got {len(given)}")
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._over.any():
+            raise ResetNeeded(f"episodes {np.flatnonzero(self._over)} are over: reset them first")
         waiting = self._over & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
         playing = [k for k in range(self.num_envs) if not waiting[k]]
         for k in playing:

@@ -14,7 +14,10 @@ ERROR = st.floats(0, 1e12)
 
 
 def run(com=0.0, kinetic=1.0):
-    return Observables(np.full((N + 1, 2), com), np.full(N + 1, kinetic), np.zeros(N + 1))
+    flat = np.zeros(N + 1)
+    return Observables(
+        np.full((N + 1, 2), com), np.zeros((N + 1, 2)), np.full(N + 1, kinetic), flat, flat, flat
+    )
 
 
 def judge(*twins):
@@ -22,7 +25,8 @@ def judge(*twins):
 
 
 def numbers(**changes):
-    calm = dict.fromkeys(("com_x", "com_y", "density_error", "density_error_p99", "clumping"), 0.0)
+    places = ("com_x", "com_y", "extent_x", "extent_y")
+    calm = dict.fromkeys((*places, "density_error", "density_error_p99", "clumping"), 0.0)
     return calm | {"kinetic_energy": 1.0} | changes
 
 
@@ -71,6 +75,16 @@ def test_clumping_counts_only_beyond_the_reference():
     watch = Judge(Reference(lumpy, (), 5.0), SCENE, 1e-9, Tolerances())
     assert watch.errors(1, numbers(clumping=0.3)).clumping == 0.0
     assert watch.errors(2, numbers(clumping=0.45)).clumping == pytest.approx(1.0)
+
+
+def test_a_fluid_that_spreads_is_not_faithful():
+    watch = judge()
+    assert watch.errors(1, numbers(extent_y=2 * SCENE.dx)).fidelity == pytest.approx(2.0)
+
+
+def test_given_tolerances_replace_the_usual_ones():
+    assert rewards.check_tolerances({"com_drift": 3}) == Tolerances(com_drift=3.0)
+    assert rewards.check_tolerances(None) == Tolerances()
 
 
 @pytest.mark.parametrize("weights", [{"speed": 1.0}, {"work": float("nan")}, {"work": "much"}])

@@ -15,8 +15,9 @@ from sph_gym.env import SCENES, env_id, rewards, scene_of
 IDS = [env_id(scene) for scene in SCENES]
 FLOATS = [
     "time", "dt", "stiffness", "xsph", "n_substeps", "work", "density_error", "clumping",
-    "fidelity_error", "blowup", "reward_density", "reward_clumping", "reward_fidelity",
-    "reward_work", "reward_blowup",
+    "fidelity_error", "cost", "control_work", "blowup", "blowup_substep", "time_to_failure",
+    "rollbacks", "reward_density", "reward_clumping", "reward_fidelity", "reward_work",
+    "reward_blowup",
 ]  # fmt: skip
 COARSE = {"dx": 0.08}
 MUSH = np.array([1.0, -1.0, 0.0], np.float32)
@@ -166,7 +167,8 @@ def test_step_and_render_before_reset_are_refused():
     [
         {"dx": -1.0}, {"dx": "fine"}, {"instances": "exam"}, {"action_mode": "x"},
         {"on_blowup": "ignore"}, {"observation": "all"}, {"render_mode": "film"},
-        {"reward_weights": {"luck": 1.0}}, {"scene": "lake"},
+        {"reward_weights": {"luck": 1.0}}, {"scene": "lake"}, {"reward": "sum"},
+        {"tolerances": {"luck": 1.0}}, {"tolerances": {"com_drift": 0.0}}, {"rate_limit": 0.5},
     ],
     ids=str,
 )  # fmt: skip
@@ -209,7 +211,7 @@ def test_pickle_and_deepcopy_go_on_alike(env):
 def test_work_is_counted_in_substeps_of_the_tuned_rule(env):
     env.reset(seed=0)
     info = env.step(GENTLE)[4]
-    assert info["work"] == info["n_substeps"] / env._reference.cfl_substeps
+    assert info["work"] == info["n_substeps"] / env.episode.reference.cfl_substeps
 
 
 def test_ids_and_scenes_name_each_other():
@@ -224,3 +226,162 @@ def test_vector_environments_draw_and_agree_with_single_ones():
     for k in range(2):
         single, _ = gym.make("sph_gym/Relaxation-v0", **COARSE).reset(seed=7 + k)
         assert np.array_equal(observations[k], single)
+
+
+# --- Rollback, states, limits ---------------------------------------------------------------
+
+RECKLESS = np.array([1.0, 1.0, -1.0], np.float32)
+TANK = {"scene": "hydrostatic_tank", "dx": 0.03}
+
+
+def blow_up(env):
+    """Step recklessly until the solver blows up; that step's result."""
+    env.reset(seed=0)
+    for _ in range(env.n_steps):
+        result = env.step(RECKLESS)
+        if result[4]["blowup"]:
+            return result
+    pytest.fail("nothing blew up")
+
+
+def test_a_rollback_pays_and_goes_back_to_where_the_step_began():
+    env = sph_gym.TuningEnv(**TANK, on_blowup="rollback")
+    env.reset(seed=0)
+    before = info = None
+    while info is None or not info["blowup"]:
+        before = env.sim.snapshot()
+        observation, reward, terminated, truncated, info = env.step(RECKLESS)
+    assert reward == -rewards.WORST
+    assert not terminated
+    assert not truncated
+    assert (info["rollbacks"], info["blowup_cause"] != "") == (1.0, True)
+    assert observation[-1] == pytest.approx(1 / 3)
+    after = env.sim.snapshot()
+    assert after["time"] == before["time"]
+    assert all(np.array_equal(after["fluid"][k], before["fluid"][k]) for k in before["fluid"])
+    # a careful step goes on from there, and the count begins anew
+    observation, *_, info = env.step(np.array([-0.8, 0.6, 0.0], np.float32))
+    assert (info["blowup"], info["rollbacks"], observation[-1]) == (0.0, 0.0, 0.0)
+
+
+def test_rollbacks_in_a_row_end():
+    env = sph_gym.TuningEnv(**TANK, on_blowup="rollback")
+    env.reset(seed=0)
+    in_a_row, terminated = [], False
+    while not terminated:
+        *_, terminated, _, info = env.step(RECKLESS)
+        if info["blowup"]:
+            in_a_row.append(info["rollbacks"])
+    assert in_a_row == [1.0, 2.0, 3.0, 0.0]
+    assert info["reward_blowup"] < -rewards.WORST
+
+
+def test_a_blowup_tells_when():
+    *_, terminated, _, info = blow_up(sph_gym.TuningEnv(**TANK))
+    assert terminated
+    assert info["blowup_substep"] >= info["n_substeps"] > 0
+    assert 0 <= info["time_to_failure"] == info["time"]
+
+
+@pytest.mark.parametrize("on_blowup", ["terminate", "rollback"])
+def test_a_state_that_is_taken_back_goes_on_alike(on_blowup):
+    made = sph_gym.TuningEnv("drop_impact", dx=0.06, instances="train", on_blowup=on_blowup)
+    made.action_space.seed(0)
+    made.reset(seed=4)
+    for _ in range(5):
+        made.step(made.action_space.sample())
+    state = pickle.loads(pickle.dumps(made.get_state()))
+    actions = [made.action_space.sample() for _ in range(10)]
+    first = [made.step(action) for action in actions if not made.episode.over]
+    made.reset()
+    other = sph_gym.TuningEnv("drop_impact", dx=0.06, instances="train", on_blowup=on_blowup)
+    for env in (made, other):
+        env.set_state(state)
+        again = [env.step(action) for action in actions if not env.episode.over]
+        assert len(again) == len(first)
+        for one, two in zip(first, again, strict=True):
+            assert np.array_equal(one[0], two[0])
+            assert one[1:] == two[1:]
+        env.reset()
+    assert made.instance_id == other.instance_id
+
+
+def test_other_states_are_refused(env):
+    env.reset(seed=0)
+    for wrong in (None, {}, {"instance": "dam_break/nominal/0", "episode": {}, "generator": {}}):
+        with pytest.raises(ValueError, match="state"):
+            env.set_state(wrong)
+
+
+def test_a_rate_limit_holds_the_sound_speed_back():
+    made = sph_gym.TuningEnv("dam_break", **COARSE, rate_limit=2.0)
+    made.reset(seed=0)
+    c = made.sim.sound_speed
+    for factor in (1 / 2, 1 / 4):
+        made.step(np.array([-1.0, -1.0, 0.0], np.float32))
+        assert made.sim.sound_speed == pytest.approx(factor * c)
+
+
+def test_the_work_of_the_controls_is_told(env):
+    env.reset(seed=0)
+    for _ in range(20):
+        env.step(GENTLE)
+    held = env.sim.diagnostics()["internal_energy"]
+    wanted = env.sim.controls._replace(stiffness=1.5 * env.sim.controls.stiffness)
+    info = env.step(env.action_toward(wanted))[4]
+    assert info["control_work"] == pytest.approx(0.5 * held, rel=1e-5)
+    assert env.step(env.action_toward(wanted))[4]["control_work"] == pytest.approx(0.0, abs=1e-9)
+
+
+# --- Variants -------------------------------------------------------------------------------
+
+
+def test_a_vector_reward_holds_the_terms():
+    made = sph_gym.TuningEnv("dam_break", **COARSE, reward="vector")
+    made.reset(seed=0)
+    _, reward, _, _, info = made.step(GENTLE)
+    assert made.reward_space.contains(reward)
+    assert reward.shape == (made.reward_dim,)
+    assert reward.tolist() == pytest.approx([info[f"reward_{term}"] for term in rewards.TERMS])
+    assert made.reward_space.contains(blow_up(sph_gym.TuningEnv(**TANK, reward="vector"))[1])
+
+
+def test_masks_leave_no_action_that_does_what_another_does():
+    made = sph_gym.TuningEnv("dam_break", **COARSE, action_mode="discrete")
+    made.reset(seed=0)
+    masks = made.action_masks()
+    assert masks.shape == (27,)
+    assert masks[13]
+    act, present = made.settings.rules.actions.act, made.episode.coordinates
+    allowed = {tuple(act(k, present)) for k in np.flatnonzero(masks)}
+    assert len(allowed) == masks.sum()
+    assert allowed == {tuple(act(k, present)) for k in range(27)}
+    plain = sph_gym.TuningEnv("dam_break", **COARSE)
+    plain.reset(seed=0)
+    with pytest.raises(AttributeError, match="discrete"):
+        plain.action_masks()
+
+
+def test_a_field_shows_where_the_fluid_is_and_goes():
+    made = sph_gym.TuningEnv("dam_break", dx=0.04, observation="field")
+    picture, _ = made.reset(seed=0)
+    assert made.observation_space.contains(picture)
+    assert picture[:, :8, 0].max() > 100  # the column at the left
+    assert picture[:, 20:, 0].max() == 0
+    assert (picture[:, :, 1:3] == 128).all()
+    for _ in range(20):
+        picture, *_ = made.step(GENTLE)
+    assert picture[-4, :, 1].max() > 140  # to the right
+    assert picture[:, :4, 2].min() < 120  # downwards
+    assert len(np.unique(picture[:9, :, 3])) == 1
+
+
+def test_mixed_draws_from_all_scenes():
+    made = gym.make("sph_gym/Mixed-v0", dx=0.06).unwrapped
+    made.reset(seed=0)
+    drawn = set()
+    for _ in range(40):
+        drawn.add(made.settings.draw(made.np_random, None)[0].split("/")[0])
+    assert drawn == set(SCENES)
+    _, info = made.reset(options={"instance": "relaxation/val/1"})
+    assert info["instance_id"] == "relaxation/val/1"

@@ -1,0 +1,149 @@
+"""A vector of environments is as many single ones, to the last bit."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import sph_gym
+from sph_gym.env.vector import TuningVectorEnv
+
+ID, SHORT = "sph_gym/DropImpact-v0", 12
+ARGUMENTS = {"dx": 0.08, "instances": "train"}
+
+
+def vector(mode=AutoresetMode.NEXT_STEP, n=3, **more):
+    arguments = ARGUMENTS | {"max_episode_steps": SHORT} | more
+    return gym.make_vec(ID, num_envs=n, autoreset_mode=mode, **arguments)
+
+
+def singles(mode=AutoresetMode.NEXT_STEP, n=3, **more):
+    def make():
+        return gym.make(ID, max_episode_steps=SHORT, **ARGUMENTS, **more)
+
+    return SyncVectorEnv([make] * n, autoreset_mode=mode)
+
+
+def assert_same(one, other):
+    if isinstance(one, dict):
+        assert set(one) == set(other)
+        for key in one:
+            assert_same(one[key], other[key])
+    elif getattr(one, "dtype", None) == np.object_:
+        assert other.dtype == object
+        for a, b in zip(one, other, strict=True):
+            assert type(a) is type(b)
+            assert np.array_equal(a, b)
+    else:
+        one, other = np.asarray(one), np.asarray(other)
+        assert one.dtype == other.dtype
+        assert np.array_equal(one, other)
+
+
+def test_gymnasium_makes_it():
+    envs = vector()
+    assert isinstance(envs.unwrapped, TuningVectorEnv)
+    assert envs.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
+    assert envs.observation_space.shape == (3, 20)
+    envs.close()
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize(
+    "more", [{}, {"action_mode": "discrete", "on_blowup": "rollback"}], ids=str
+)
+def test_it_is_the_synchronous_vector(mode, more):
+    ours, theirs = vector(mode, **more), singles(mode, **more)
+    for one, other in zip(ours.reset(seed=1), theirs.reset(seed=1), strict=True):
+        assert_same(one, other)
+    ours.action_space.seed(0)
+    for _ in range(2 * SHORT + 3):
+        actions = ours.action_space.sample()
+        for one, other in zip(ours.step(actions), theirs.step(actions), strict=True):
+            assert_same(one, other)
+
+
+def test_without_autoreset_the_mask_resets():
+    ours, theirs = (make(AutoresetMode.DISABLED) for make in (vector, singles))
+    for envs in (ours, theirs):
+        envs.reset(seed=[5, 6, 7])
+    action = np.zeros((3, 3), np.float32)
+    for _ in range(SHORT):
+        *_, truncated, _ = ours.step(action)
+        theirs.step(action)
+    assert truncated.all()
+    with pytest.raises(ResetNeeded):
+        ours.step(action)
+    mask = np.array([True, False, True])
+    results = [envs.reset(seed=9, options={"reset_mask": mask.copy()}) for envs in (ours, theirs)]
+    for one, other in zip(*results, strict=True):
+        assert_same(one, other)
+    assert results[0][1]["_time"].tolist() == mask.tolist()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_threads_change_nothing(threads):
+    usual, other = vector(), vector(threads=threads)
+    for envs in (usual, other):
+        envs.reset(seed=3)
+    usual.action_space.seed(1)
+    for _ in range(5):
+        actions = usual.action_space.sample()
+        for one, two in zip(usual.step(actions), other.step(actions), strict=True):
+            assert_same(one, two)
+
+
+def test_scenes_with_different_frames_go_together():
+    envs = gym.make_vec("sph_gym/Mixed-v0", num_envs=4, dx=0.06)
+    envs.reset(seed=0)
+    frames = [env.sim.scene.frame for env in envs.unwrapped.envs]
+    assert len(set(frames)) > 1
+    *_, infos = envs.step(np.zeros((4, 3), np.float32))
+    assert infos["time"].tolist() == frames
+
+
+def test_wrong_actions_move_nobody():
+    envs = vector()
+    envs.reset(seed=0)
+    actions = np.zeros((3, 3), np.float32)
+    actions[2, 1] = np.nan
+    with pytest.raises(ValueError, match="action: expected"):
+        envs.step(actions)
+    assert [env.sim.time for env in envs.unwrapped.envs] == [0.0] * 3
+    with pytest.raises(ValueError, match="actions"):
+        envs.step(actions[:2])
+
+
+def test_pictures_of_all():
+    envs = vector(render_mode="rgb_array", n=2)
+    envs.reset(seed=0)
+    assert [picture.dtype for picture in envs.render()] == [np.uint8] * 2
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"num_envs": 0}, {"threads": 0}, {"autoreset_mode": "never"}, {"max_episode_steps": 0},
+     {"render_mode": "human"}, {"dx": -1.0}],
+    ids=str,
+)  # fmt: skip
+def test_wrong_arguments_are_refused(arguments):
+    (name,) = arguments
+    with pytest.raises(ValueError, match=name):
+        TuningVectorEnv(**({"scene": "dam_break"} | arguments))
+
+
+@pytest.mark.parametrize("mask", [[True] * 3, np.zeros(3, bool), np.ones(2, bool), np.ones(3)])
+def test_wrong_masks_are_refused(mask):
+    envs = vector()
+    with pytest.raises((TypeError, ValueError), match="reset_mask"):
+        envs.reset(options={"reset_mask": mask})
+
+
+def test_methods_and_attributes_of_all():
+    envs = vector(n=2)
+    envs.reset(seed=0)
+    assert envs.unwrapped.get_attr("n_steps") == tuple(e.n_steps for e in envs.unwrapped.envs)
+    states = envs.unwrapped.call("get_state")
+    assert [state["instance"] for state in states] == list(envs.unwrapped.get_attr("instance_id"))
+    assert sph_gym.TuningEnv is type(envs.unwrapped.envs[0])

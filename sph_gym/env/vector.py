@@ -62,7 +62,7 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self.single_observation_space = self.envs[0].observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._observations: list[Any] = [None] * num_envs
+        self.observations: list[Any] = [None] * num_envs
         self._elapsed = np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, np.bool_)
 
@@ -88,12 +88,16 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         for k, own_seed in enumerate(self._seeds(seed)):
             if mask[k]:
                 infos[k] = self._reset(k, own_seed, options or None)
-        return np.stack(self._observations), _columns(infos)
+        return np.stack(self.observations), _columns(infos)
 
     def _reset(self, k: int, seed: int | None = None, options: Any = None) -> dict[str, Any]:
-        self._observations[k], info = self.envs[k].reset(seed=seed, options=options)
+        self.observations[k], info = self.envs[k].reset(seed=seed, options=options)
         self._elapsed[k], self._over[k] = 0, False
         return info
+
+    def forget(self) -> None:
+        """Take all episodes for new ones, after single environments were reset from outside."""
+        self._elapsed[:], self._over[:] = 0, False
 
     def _mask(self, mask: Any) -> NDArray[np.bool_]:
         if mask is None:
@@ -120,11 +124,19 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def step(
         self, actions: NDArray[Any]
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """One step of every environment; what has ended before is reset, as the mode says.
+        """One step of every environment; what has ended is reset, as the mode says.
 
         Raises ValueError for actions that are none, before anything moves, and ResetNeeded for
         ended episodes if the mode is "Disabled".
         """
+        rewards, terminated, truncated, infos, finals = self.play(actions)
+        result = _columns(infos) | _final(finals)
+        return np.stack(self.observations), np.array(rewards), terminated, truncated, result
+
+    def play(
+        self, actions: NDArray[Any]
+    ) -> tuple[list[Any], NDArray[np.bool_], NDArray[np.bool_], list[Any], list[Any]]:
+        """`step`, but with a list of infos, and one of last observations and infos or None."""
         given = list(iterate(self.action_space, actions))
         if len(given) != self.num_envs:
             raise ValueError(f"actions: expected {self.num_envs} of them, got {len(given)}")
@@ -142,7 +154,7 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         rewards: list[Any] = [self.envs[0].settings.reward_of([0.0] * 5)] * self.num_envs
         for k, report in zip(playing, self._advance(playing), strict=True):
             outcome = self.envs[k].end_step(report)
-            self._observations[k], rewards[k], terminated[k], truncated[k], infos[k] = outcome
+            self.observations[k], rewards[k], terminated[k], truncated[k], infos[k] = outcome
             self._elapsed[k] += 1
             if self.max_episode_steps is not None and self._elapsed[k] >= self.max_episode_steps:
                 truncated[k] = True
@@ -151,10 +163,9 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
             infos[k] = self._reset(k)
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             for k in np.flatnonzero(self._over).tolist():
-                finals[k] = self._observations[k], infos[k]
+                finals[k] = self.observations[k], infos[k]
                 infos[k] = self._reset(k)
-        result = _columns(infos) | _final(finals)
-        return np.stack(self._observations), np.array(rewards), terminated, truncated, result
+        return rewards, terminated, truncated, infos, finals
 
     def _advance(self, playing: Sequence[int]) -> Iterator[Report]:
         """Reports in the order of `playing`; those with the same frame go together."""

@@ -181,6 +181,14 @@ class Engine:
         """What isn't up to date after a call whose list was too short."""
         return int(self.world.status[0, STAGE])
 
+    def follow_stiffness(self, time: float) -> None:
+        """Bring pressures, and what depends on them, up to date with the present controls."""
+        if self.model.extrapolation is None and self.model.halves is None:
+            stepping.renew_pressures(self.world, self.model)
+        else:
+            # extrapolated pressures and kept rates follow the whole chain
+            self.renew(time)
+
     def renew(self, time: float) -> None:
         """Bring everything up to date with the present state, walls and controls, at a time [s]."""
         self._spare_the_state()

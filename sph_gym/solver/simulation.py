@@ -117,7 +117,7 @@ class Simulation:
         if self._controls.stiffness != before.stiffness or "tx" in self.engine.state_columns:
             # densities stay, pressures and the stored energy follow the stiffness, and rates that
             # the next step sets out from all controls
-            self.engine.renew(self.time)
+            self.engine.follow_stiffness(self.time)
             self._acceleration = None
             held, self._totals = self._totals, self._sum()
             self._ledger.add_control(self._totals.internal - held.internal)

@@ -11,6 +11,7 @@ from sph_gym.solver.density import (
     compute_wall_density,
     compute_wall_sums,
     extrapolate,
+    store_density,
 )
 from sph_gym.solver.diagnostics import sum_up
 from sph_gym.solver.effects import PairEffects
@@ -258,6 +259,24 @@ def sum_walls(i, walls, sums, kernel, constants):
         n = min(width(sums), walls.id.size - i)
         store(sums, i, total, n)
         i += n
+
+
+@jit
+def renew_pressures(world, model):
+    """Pressures that belong to the present densities, after the stiffness has changed."""
+    _press(world.fluid, model.eos)
+    _press(world.walls, model.eos)
+    sum_up(world.fluid, world.walls, model.extrapolation, model.eos, world.totals)
+
+
+@jitable
+def _press(particles, eos):
+    if particles is None:
+        return
+    i, n = 0, particles.id.size
+    while i < n:
+        store_density(particles, i, min(width(particles.rho), n - i), load(particles.rho, i), eos)
+        i += width(particles.rho)
 
 
 @jit

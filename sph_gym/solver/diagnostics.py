@@ -131,11 +131,10 @@ class Survey(NamedTuple):
     """What a look at every particle tells, beyond `Totals`.
 
     density_p99: 99th percentile of max(rho/rho0 - 1, 0); clumping: share with another one closer
-    than 0.6 dx; nearest, median: smallest and median squared distance to the nearest other [m^2];
-    neighbors: mean number of them; surface: share below 0.9 rho0; adrift: share whose acceleration
-    is gravity's but for a tenth, 0 without gravity; acceleration: largest |a|^2 [m^2/s^4];
-    lowest: smallest y [m]; front: largest x [m]; extent_x, extent_y: standard deviations of x and
-    y [m].
+    than 0.6 dx; nearest, median: smallest and median distance to the nearest other [m]; neighbors:
+    mean number of them; surface: share below 0.9 rho0; adrift: share whose acceleration is
+    gravity's but for a tenth, 0 without gravity; acceleration: largest |a|^2 [m^2/s^4]; lowest:
+    smallest y [m]; front: largest x [m]; extent_x, extent_y: standard deviations of x and y [m].
     """
 
     density_p99: float
@@ -157,7 +156,7 @@ def survey(
     fluid, walls, lists, constants, h2, ax, ay, gx, gy, com_x, com_y, clumped, inv_rho0, work,
     numbers,
 ):  # fmt: skip
-    """Fill `numbers` with a `Survey`; com: centre of mass [m]; clumped: squared distance [m^2];
+    """Fill `numbers` with a `Survey`; com: centre of mass [m]; clumped: distance [m];
     work: (2, m) scratch.
     """
     n = fluid.id.size
@@ -168,8 +167,10 @@ def survey(
     neighbors, fastest, lowest, closest, front = 0.0, 0.0, np.inf, np.inf, -np.inf
     extent_x = extent_y = 0.0
     for i in range(n):
-        closest = min(closest, float(nearest[i]))
-        near += 1 if nearest[i] < clumped else 0
+        distance = math.sqrt(float(nearest[i]))
+        closest = min(closest, distance)
+        near += 1 if distance < clumped else 0
+        nearest[i] = distance
         neighbors += float(counts[i])
         x, y = float(ax[i]), float(ay[i])
         fastest = max(fastest, x * x + y * y)

@@ -261,7 +261,7 @@ class Engine:
         numbers, clumped = np.zeros(len(diagnostics.Survey._fields)), diagnostics.CLUMPED * dx
         diagnostics.survey(
             self.fluid, self.walls, self.world.lists, self.model.constants, self.model.kernel.h2,
-            acceleration[0], acceleration[1], gravity[0], gravity[1], com[0], com[1], clumped**2,
+            acceleration[0], acceleration[1], gravity[0], gravity[1], com[0], com[1], clumped,
             float(self.model.eos.inv_rho0), self._work, numbers,
         )  # fmt: skip
         return diagnostics.Survey(*numbers.tolist())

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sph_gym import CentralGravity, Effects, Gravity, Motion, Simulation, Walls, lattice, scenes
+from sph_gym.solver.diagnostics import quantile
 from tests.cases import DX, PERIOD, STIFFNESS, clouds, fluid, simulation, uncompiled
 from tests.solver.test_terms import HEAVY, SIDE, TANK, cloud, extrapolated
 
@@ -36,6 +39,10 @@ def test_numbers_are_those_of_their_definitions(dtype, cloud):
         "potential_energy": -m * len(x) * (1.5 * centre[0] - 9.81 * centre[1]),
         "com_x": centre[0],
         "com_y": centre[1],
+        "extent_x": x[:, 0].std(),
+        "extent_y": x[:, 1].std(),
+        "lowest": x[:, 1].min(),
+        "front": x[:, 0].max(),
         "momentum_x": momentum[0],
         "momentum_y": momentum[1],
         "angular_momentum": m * (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]).sum(),
@@ -53,10 +60,15 @@ def test_numbers_are_those_of_their_definitions(dtype, cloud):
         assert (sim.neighbor_counts == neighbors).all()
         assert numbers["mean_neighbors"] == pytest.approx(neighbors.mean())
         assert numbers["clumping"] == pytest.approx((nearest < 0.6).mean())
+        assert numbers["surface"] == pytest.approx((rho < 900.0).mean())
+        off = np.linalg.norm(a - (1.5, -9.81), axis=1)
+        assert numbers["adrift"] == pytest.approx((off < 0.1 * np.hypot(1.5, 9.81)).mean())
     assert all(isinstance(value, float) for value in numbers.values())
     assert set(numbers) - set(expected) == {
         "mean_neighbors",
         "clumping",
+        "surface",
+        "adrift",
         "internal_energy",
         "energy_excess",
     }
@@ -105,6 +117,27 @@ def test_energy_of_a_fall_is_no_excess():
     numbers = sim.diagnostics()
     assert numbers["kinetic_energy"] > 1.0
     assert abs(numbers["energy_excess"]) < 0.01
+
+
+@given(
+    st.lists(st.sampled_from([0.0, 0.1, 0.5, 2.0, 7.0, np.inf]), min_size=1, max_size=40),
+    st.sampled_from([0.0, 0.25, 0.5, 0.99, 1.0]),
+)
+def test_quantiles_are_those_of_numpy(values, share):
+    found = quantile(np.array([*values, -1.0]), len(values), share)
+    expected = np.quantile(np.minimum(values, 1e300), share)
+    assert found == pytest.approx(expected) or (np.isinf(found) and expected > 1e290)
+
+
+@pytest.mark.parametrize("configuration", ["everything", "extrapolated", "all, kick"])
+def test_pressures_follow_the_stiffness(configuration):
+    sim, fresh = simulation(configuration), simulation(configuration)
+    sim.controls = sim.controls._replace(stiffness=2 * sim.controls.stiffness)
+    fresh.restore(sim.snapshot())
+    for field in ("rho", "p", "a"):
+        assert np.array_equal(getattr(sim, field), getattr(fresh, field)), field
+    assert sim.advance(2e-3) == fresh.advance(2e-3)
+    assert np.array_equal(sim.x, fresh.x)
 
 
 def test_raising_the_stiffness_is_booked_as_work():

@@ -34,12 +34,13 @@ def record(
     Raises ValueError for less than one episode and for a dataset that exists or whose name isn't
     NAMESPACE/NAME-vNUMBER, ImportError that names the extra to install.
     """
+    n_episodes = whole("n_episodes", n_episodes, at_least=1)
     _prepare(dataset_id)
     import minari
 
     env = gym.make(env_id, **(arguments or {}))
     buffers = []
-    for k in range(whole("n_episodes", n_episodes, at_least=1)):
+    for k in range(n_episodes):
         options = {"instance": instance_ids[k % len(instance_ids)]} if instance_ids else None
         buffers.append(_play(env, policy, seed + k, options))
     with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""Command line: `python -m sph_gym run SCENE` and `python -m sph_gym study NAME`."""
+"""Command line: `python -m sph_gym run SCENE`, `study NAME` and `docs [ID]`."""
 
 import argparse
 import sys
@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m sph_gym", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="run | study")
+    commands = parser.add_subparsers(required=True, metavar="run | study | docs")
     run = commands.add_parser("run", help="run a scene; log, watch or film it")
     run.set_defaults(function=_run)
     run.add_argument("scene", help=", ".join(scenes.names()))
@@ -54,6 +54,10 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--scenes", nargs="+", metavar="SCENE", help="validation: only these scenes")
     study.add_argument("--again", action="store_true", help="validation: anew what was done before")
     study.add_argument("--output", default="runs/studies", help="folder of the CSV file")
+    docs = commands.add_parser("docs", help="everything about an environment, as Markdown")
+    docs.set_defaults(function=_docs)
+    docs.add_argument("id", nargs="?", help="such as sph_gym/DamBreak-v0; without: a list")
+    docs.add_argument("--output", metavar="FOLDER", help="write pages there, by default of all ids")
     return parser
 
 
@@ -94,6 +98,17 @@ def _study(options: argparse.Namespace) -> int:
     return run_study(
         options.name, options.quick, options.output, peers, options.scenes, options.again
     )
+
+
+def _docs(options: argparse.Namespace) -> int:
+    from sph_gym.env import documentation
+
+    chosen = [options.id] if options.id else None
+    if options.output:
+        print(*documentation.write(options.output, chosen), sep="\n")
+    else:
+        print(documentation.page(options.id) if options.id else documentation.index())
+    return 0
 
 
 if __name__ == "__main__":

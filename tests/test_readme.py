@@ -48,6 +48,14 @@ def test_every_agent_knows_its_options(command):
             assert word in shown.stdout
 
 
+@pytest.mark.parametrize("command", [c for c in COMMANDS if "sph_gym docs" in c])
+def test_every_page_is_printed(command):
+    words = shlex.split(command)[1:]
+    done = run([sys.executable, *words])
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"# {words[3]}")
+
+
 def test_every_study_is_known():
     named = {c.split()[4] for c in COMMANDS if " study " in c}
     from sph_gym import studies

@@ -10,7 +10,7 @@ The seconds of dt follow from the multiple and the stiffness chosen with it.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -25,7 +25,36 @@ SOUND = (0.1, 1.25)
 XSPH = (0.0, 0.6)
 # Largest change of a coordinate in one step of the modes "delta" and "discrete".
 STEP = 0.25
-NAMES = ("log dt", "log stiffness", "xsph")
+
+
+class Coordinate(NamedTuple):
+    """What a coordinate means: the quantity that is `low` at -1 and `high` at +1."""
+
+    name: str
+    quantity: str
+    low: float
+    high: float
+    scale: str
+    meaning: str
+
+
+COORDINATES = (
+    Coordinate(
+        "log dt", "dt c / h", *COURANT, "log",
+        "time step as a multiple of the time a sound wave takes across the support radius h; "
+        "c is the sound speed chosen with it",
+    ),
+    Coordinate(
+        "log stiffness", "c / c0", *SOUND, "log",
+        "sound speed in multiples of the scene's nominal one; the stiffness is rho0 c^2 / gamma",
+    ),
+    Coordinate(
+        "xsph", "epsilon", *XSPH, "linear",
+        "how much of the difference to its neighbours' velocities a particle moves with, besides "
+        "its own; does nothing in a scene without XSPH",
+    ),
+)  # fmt: skip
+NAMES = tuple(coordinate.name for coordinate in COORDINATES)
 
 Coordinates = NDArray[np.float64]
 

@@ -15,6 +15,28 @@ from sph_gym.env.reference import n_frames, reference
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 
+# What info holds: unit ("text" for strings) and meaning.
+INFO = {
+    "instance_id": ("text", "which flow the episode shows"),
+    "blowup_cause": ("text", "cfl, stiffness, clumping, tunnelling, energy or nan; else empty"),
+    "time": ("s", "physical time of the state"),
+    "dt": ("s", "time step; a whole number of them fits into a frame"),
+    "stiffness": ("Pa", "Tait's B"),
+    "xsph": ("-", "XSPH epsilon"),
+    "n_substeps": ("-", "time steps that the solver took in this step"),
+    "work": ("-", "n_substeps / mean substeps a step of the tuned CFL rule on this instance"),
+    "density_error": ("-", "mean of max(rho/rho0 - 1, 0)"),
+    "clumping": ("-", "share of particles closer than 0.6 dx to another one"),
+    "fidelity_error": ("-", "drift from the reference in multiples of its tolerance"),
+    "cost": ("-", "1 where an error is beyond its tolerance or the solver blew up, else 0"),
+    "control_work": ("J/m", "energy that the action's change of stiffness put into the fluid"),
+    "blowup": ("-", "1 if the solver blew up in this step, else 0"),
+    "blowup_substep": ("-", "substeps of the episode until the blow-up, -1 without"),
+    "time_to_failure": ("s", "time of the blow-up, -1 without"),
+    "rollbacks": ("-", "blow-ups that were taken back in a row"),
+    **{f"reward_{term}": ("-", f"weighted term {term} of the reward") for term in rewards.TERMS},
+}  # fmt: skip
+
 
 class Rules(NamedTuple):
     """What all episodes of an environment share.

@@ -14,6 +14,12 @@ from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 
 SIZES = {"nominal": 1, "train": 64, "val": 16, "test": 32}
+PURPOSES = {
+    "nominal": "the scene as it is",
+    "train": "to learn from and to search on",
+    "val": "to choose between what was learned",
+    "test": "to compare agents on, and for nothing else",
+}
 
 # The scenes that are environments, each at a spacing at which an episode takes a second: some 300
 # fluid particles.

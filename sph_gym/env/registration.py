@@ -6,6 +6,8 @@ from sph_gym.env.instances import NOMINAL_DX
 
 SCENES = tuple(NOMINAL_DX)
 VERSION = "v0"
+# What became of the environments, the newest first.
+HISTORY = {"v0": "first version"}
 
 
 def env_id(scene: str) -> str:

@@ -18,7 +18,14 @@ from sph_gym.env.reference import Reference
 from sph_gym.solver.checks import number, positive
 from sph_gym.solver.scene import Scene
 
-TERMS = ("density", "clumping", "fidelity", "work", "blowup")
+MEANINGS = {
+    "density": "the fluid is compressed: the mean or the 99th percentile of max(rho/rho0 - 1, 0)",
+    "clumping": "more particles are closer than 0.6 dx than in the reference",
+    "fidelity": "the flow drifts away from the reference: centre of mass, extent, kinetic energy",
+    "work": "what the step cost: substeps / mean substeps a step of the tuned CFL rule",
+    "blowup": "the solver blew up, for every step that is left",
+}
+TERMS = tuple(MEANINGS)
 WORST = 1.5
 WORK_RANGE = math.log(64)
 # Steps over which the drift away from the reference is taken; an error over the whole past would
@@ -29,13 +36,16 @@ WINDOW = 8
 class Tolerances(NamedTuple):
     """What counts as an error of 1.
 
-    compression, compression_p99: mean and 99th percentile of max(rho/rho0 - 1, 0); clumping: share
-    of particles closer than 0.6 dx beyond the reference's share; com_drift, extent_drift: of the
-    centre of mass and of the standard deviations of x and y within WINDOW steps [dx];
-    kinetic_drift: of the kinetic energy [share of its maximum]. The last four are widened by the
-    spread between equally fine references, times `spread`, and the very last never falls below
-    `kinetic_floor` times the energy of the whole fluid at c0 / 10: in a fluid at rest there is no
-    flow to be faithful to.
+    - `compression`: mean of max(rho/rho0 - 1, 0)
+    - `compression_p99`: 99th percentile of the same
+    - `clumping`: share of particles closer than 0.6 dx beyond the reference's share
+    - `com_drift`: of the centre of mass within WINDOW steps [dx]
+    - `extent_drift`: of the standard deviations of x and y within WINDOW steps [dx]
+    - `kinetic_drift`: of the kinetic energy within WINDOW steps [share of its maximum]
+    - `kinetic_floor`: what the last never falls below [energy of the whole fluid at c0 / 10], for
+      in a fluid at rest there is no flow to be faithful to
+    - `spread`: how many times the spread between equally fine references is added to the
+      tolerances of clumping and of the three drifts
     """
 
     compression: float = 0.01

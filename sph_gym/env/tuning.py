@@ -24,16 +24,19 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     """An agent tunes the time step, the stiffness and the XSPH epsilon of a running SPH solver.
 
     ## Arguments
-    scene: the name of a scene, "mixed" for one after the other, or a `Scene` of your own; dx:
-    particle spacing [m], by default a coarse one; instances: "nominal" or a numbered set, "train",
-    "val", "test" or "ood", from which every reset draws with the environment's own generator;
-    action_mode: "absolute", "delta" or "discrete" (`sph_gym.env.actions`); on_blowup: "terminate",
-    or "rollback", which pays for the step, goes back to where it began and tells the agent, at
-    most three times in a row; reward_weights: weights of the terms density, clumping, fidelity,
-    work, blowup; tolerances: of `sph_gym.env.rewards.Tolerances`, by name; reward: "scalar", or
-    "vector" for the five terms as an array (as MO-Gymnasium wants them); rate_limit: the largest
-    factor by which the sound speed may change in a step; observation: "features" or "field"
-    (`sph_gym.env.observations`); render_mode: None, "rgb_array" or "human".
+    - `scene`: the name of a scene, "mixed" for any of them, or a `Scene` of your own
+    - `dx`: particle spacing [m], by default a coarse one
+    - `instances`: "nominal" or a numbered set, "train", "val" or "test", from which every reset
+      draws with the environment's own generator
+    - `action_mode`: "absolute", "delta" or "discrete" (`sph_gym.env.actions`)
+    - `on_blowup`: "terminate", or "rollback", which charges for the step, goes back to where it
+      began and tells the agent, at most three times in a row
+    - `reward_weights`: weights of the terms density, clumping, fidelity, work, blowup
+    - `tolerances`: of `sph_gym.env.rewards.Tolerances`, by name
+    - `reward`: "scalar", or "vector" for the five terms as an array, as MO-Gymnasium wants them
+    - `rate_limit`: the largest factor by which the sound speed may change in a step
+    - `observation`: "features" or "field" (`sph_gym.env.observations`)
+    - `render_mode`: None, "rgb_array" or "human"
 
     ## Episode
     duration / frame steps of `frame` seconds each, then truncation. A blow-up terminates, with
@@ -41,14 +44,9 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     chooses an instance. `env.unwrapped.sim` is the running `Simulation`.
 
     ## Info
-    instance_id, blowup_cause (strings); time [s], dt [s], stiffness [Pa], xsph, n_substeps, work
-    (substeps / mean substeps a step of the tuned CFL rule), density_error (mean of
-    max(rho/rho0 - 1, 0)), clumping (share closer than 0.6 dx), fidelity_error (drift from the
-    reference in multiples of its tolerance), cost (1 where an error is beyond its tolerance or the
-    solver blew up, else 0), control_work (energy [J/m] that the change of stiffness put into the
-    fluid), blowup (0 or 1), blowup_substep and time_to_failure [s] (substeps of the episode and
-    time at the blow-up, else -1), rollbacks (taken back in a row), and reward_density,
-    reward_clumping, reward_fidelity, reward_work, reward_blowup, whose sum is the reward.
+    Flat Python floats and two strings, each explained in `sph_gym.env.episode.INFO`; the
+    entries reward_density, reward_clumping, reward_fidelity, reward_work and reward_blowup sum to
+    the reward. `python -m sph_gym docs ID` prints all of this for one id, with tables.
 
     Raises ValueError for unknown names and for actions that aren't finite and in the space.
     """

@@ -22,10 +22,16 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     """`num_envs` times `TuningEnv`, to the last bit, but faster.
 
     It holds single environments and asks them before and after a step; in between, all solvers run
-    in one compiled call per thread. num_envs, threads: how many; threads is by default the CPUs
-    that the process may use, and changes no result; autoreset_mode: of `AutoresetMode` or its
-    value; max_episode_steps: truncate after so many steps, as `gymnasium.make` would; all else as
-    `TuningEnv`. Environment k of a vector that is reset with seed s gets s + k.
+    in one compiled call per thread. Environment k of a vector that is reset with seed s gets
+    s + k.
+
+    - `num_envs`: how many
+    - `threads`: how many at most, by default the CPUs that the process may use; changes no result
+    - `autoreset_mode`: of `gymnasium.vector.AutoresetMode`, or its value
+    - `max_episode_steps`: truncate after so many steps, as `gymnasium.make` would
+    - `render_mode`: None or "rgb_array"
+
+    All other arguments are those of `TuningEnv`.
 
     Raises ValueError for what `TuningEnv` refuses.
     """

@@ -41,6 +41,14 @@ def parameters(name: str) -> dict[str, Any]:
     return {argument: spec.default for argument, spec in arguments.items()}
 
 
+def description(name: str) -> tuple[str, str]:
+    """What the scene called `name` shows in a sentence, and what its arguments mean.
+
+    Raises ValueError for an unknown name.
+    """
+    return inspect.getdoc(_module(name)) or "", inspect.getdoc(_builder(name)) or ""
+
+
 def make(name: str, **arguments: Any) -> Scene:
     """The scene called `name`; geometry arguments are in metres, every scene takes dx.
 
@@ -73,4 +81,4 @@ def _builder(name: str) -> Any:
     return getattr(_module(name), name)
 
 
-__all__ = ["make", "names", "parameters", "reference"]
+__all__ = ["description", "make", "names", "parameters", "reference"]

@@ -1,0 +1,39 @@
+"""Tables and text in Markdown."""
+
+import inspect
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A Markdown table; numbers in four digits."""
+    lines = [headings, ["---"] * len(headings), *rows]
+    return "\n".join("| " + " | ".join(map(cell, line)) + " |" for line in lines)
+
+
+def cell(value: Any) -> str:
+    """A cell of a table."""
+    text = f"{value:.4g}" if isinstance(value, (float, np.floating)) else str(value)
+    return text.replace("|", r"\|")
+
+
+def listed(docstring: str | None) -> dict[str, str]:
+    """The entries "- `name`: meaning" of a docstring, each of any number of lines."""
+    text = inspect.cleandoc(docstring or "")
+    found = re.findall(r"^- `(\w+)`: (.*(?:\n  +\S.*)*)", text, re.MULTILINE)
+    return {name: " ".join(meaning.split()) for name, meaning in found}
+
+
+def prose(text: str) -> str:
+    """Lines without the indentation that they have in the code."""
+    return textwrap.dedent(text).strip()
+
+
+def span(values: Sequence[float]) -> str:
+    """From the smallest to the largest."""
+    low, high = min(values), max(values)
+    return cell(low) if low == high else f"{cell(low)} to {cell(high)}"

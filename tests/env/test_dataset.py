@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+
+import sph_gym  # noqa: F401
+from agents.policies import Spec, build
+from sph_gym.env.dataset import record
+
+minari = pytest.importorskip("minari")
+
+ID, ARGUMENTS = "sph_gym/DropImpact-v0", {"dx": 0.08}
+INSTANCES = ["drop_impact/train/5", "drop_impact/train/2"]
+NAME = "sph_gym/drop_impact/random-v0"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+
+
+def random_agent():
+    return build(Spec("random"), seed=1)
+
+
+def test_episodes_come_back_and_can_be_played_again():
+    written = record(ID, random_agent(), 2, NAME, INSTANCES, seed=3, arguments=ARGUMENTS)
+    assert NAME in minari.list_local_datasets()
+    read = minari.load_dataset(NAME)
+    assert written.total_steps == read.total_steps > 2
+    env = read.recover_environment()
+    described = list(read.storage.get_episode_metadata([0, 1]))
+    for episode, about, instance in zip(read, described, INSTANCES, strict=True):
+        assert about["instance_id"] == about["options"]["instance"] == instance
+        assert about["rewards_sum"] == pytest.approx(episode.rewards.sum())
+        assert {name.decode() for name in episode.infos["instance_id"]} == {instance}
+        assert episode.terminations[-1] or episode.truncations[-1]
+        observation, info = env.reset(seed=about["seed"], options=about["options"])
+        seen, reward = [observation], 0.0
+        for k, action in enumerate(episode.actions):
+            observation, reward, _, _, info = env.step(action)
+            seen.append(observation)
+            assert reward == episode.rewards[k]
+            assert info["work"] == episode.infos["work"][k + 1]
+        assert np.array_equal(seen, episode.observations)
+        assert len(episode.infos["time"]) == len(episode) + 1
+
+
+def test_pictures_come_back_as_they_were():
+    arguments = {**ARGUMENTS, "observation": "field"}
+    seen = []
+
+    def watch(env, observation):
+        seen.append(observation)
+        return random_agent()(env, observation)
+
+    (episode,) = record(ID, watch, 1, NAME, INSTANCES, arguments=arguments)
+    assert np.array_equal(seen, episode.observations[:-1])
+
+
+def test_instances_are_drawn_where_none_are_named():
+    arguments = {**ARGUMENTS, "instances": "val"}
+    data = record(ID, random_agent(), 2, NAME, arguments=arguments)
+    first, second = data.storage.get_episode_metadata([0, 1])
+    assert first["instance_id"].startswith("drop_impact/val/")
+    assert first["instance_id"] != second["instance_id"]
+    assert (first["seed"], second["seed"]) == (0, 1)
+
+
+def test_what_cannot_be_written_is_refused_before_playing():
+    def never(env, observation):
+        raise AssertionError
+
+    for wrong in ("", "no spaces allowed-v0", "sph_gym/unversioned", None):
+        with pytest.raises(ValueError, match="dataset"):
+            record(ID, never, 1, wrong, INSTANCES)
+    with pytest.raises(ValueError, match="n_episodes"):
+        record(ID, never, 0, NAME, INSTANCES)
+    record(ID, random_agent(), 1, NAME, INSTANCES, arguments=ARGUMENTS)
+    with pytest.raises(ValueError, match="exists"):
+        record(ID, never, 1, NAME, INSTANCES)

@@ -1,0 +1,123 @@
+import inspect
+import re
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import sph_gym
+from sph_gym.__main__ import main
+from sph_gym.env import actions, documentation, instances, registration, rewards
+from sph_gym.env.documentation.markdown import listed, table
+from sph_gym.env.episode import INFO
+from sph_gym.env.vector import TuningVectorEnv
+
+IDS = documentation.ids()
+PAGES = {id_: documentation.page(id_) for id_ in IDS}
+each_page = pytest.mark.parametrize("id_", IDS)
+
+
+def section(id_, title):
+    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGES[id_], re.M | re.S)[1]
+
+
+def rows(text):
+    """The cells of all rows of all tables, headings left out."""
+    lines = re.findall(r"(?<!\\)\| (.*) \|$", text, re.M)
+    cells = [re.split(r" (?<!\\)\| ", line) for line in lines]
+    rules = [k for k, row in enumerate(cells) if set(row) == {"---"}]
+    return [row for k, row in enumerate(cells) if k not in rules and k + 1 not in rules]
+
+
+def arguments(kind):
+    found = inspect.signature(kind).parameters.values()
+    return {one.name for one in found if one.kind is not one.VAR_KEYWORD}
+
+
+def test_every_registered_id_has_a_page():
+    assert set(IDS) == {id_ for id_ in gym.registry if id_.startswith("sph_gym/")}
+    assert all(f"`{id_}`" in documentation.index() for id_ in IDS)
+    assert all(len(section(id_, title)) > 10 for id_ in IDS for title in documentation.SECTIONS)
+
+
+@each_page
+def test_the_tables_have_the_rows_of_the_spaces(id_):
+    given = {"scene": sph_gym.scenes.make("drop_impact", dx=0.06)} if "Custom" in id_ else {}
+    env = gym.make(id_, on_blowup="rollback", **given).unwrapped
+    acts = [row for row in rows(section(id_, "Action Space")) if row[0].isdecimal()]
+    sees = rows(section(id_, "Observation Space"))
+    assert [int(row[0]) for row in acts] == list(range(env.action_space.shape[0]))
+    assert [row[1] for row in acts] == list(actions.NAMES)
+    bounds = np.array([row[3:5] for row in sees], float).T
+    assert np.array_equal(bounds, [env.observation_space.low, env.observation_space.high])
+
+
+@each_page
+def test_the_arguments_are_those_of_the_constructors(id_):
+    shown = {row[0].strip("`"): row for row in rows(section(id_, "Arguments"))}
+    assert set(shown) == arguments(sph_gym.TuningEnv)
+    assert shown["scene"][1] == f"`{gym.spec(id_).kwargs.get('scene')!r}`"
+    vector = {row[0].strip("`") for row in rows(section(id_, "Vectorized environment"))}
+    assert vector == arguments(TuningVectorEnv)
+
+
+def test_every_entry_of_info_is_explained():
+    env = gym.make("sph_gym/DropImpact-v0", dx=0.08)
+    for info in (env.reset(seed=0)[1], env.step(np.zeros(3, np.float32))[4]):
+        assert set(info) == set(INFO)
+        assert {key for key in info if isinstance(info[key], str)} == {
+            key for key, (unit, _) in INFO.items() if unit == "text"
+        }
+    assert {row[0].strip("`") for row in rows(section(IDS[0], "Information"))} == set(INFO)
+
+
+def test_values_in_the_text_are_those_of_the_code():
+    assert set(listed(rewards.Tolerances.__doc__)) == set(rewards.Tolerances._fields)
+    assert set(rewards.MEANINGS) == set(rewards.TERMS)
+    assert set(instances.PURPOSES) == set(instances.SIZES)
+    assert registration.VERSION in registration.HISTORY
+    text = section(IDS[0], "Rewards")
+    assert all(f"`{name}` | {value:.4g} |" in text
+               for name, value in rewards.Tolerances()._asdict().items())  # fmt: skip
+    paid = {tuple(row[:2]): float(row[2]) for row in rows(text) if row[0] == "0.5"}
+    assert paid["0.5", "0.125"] == 1.0
+    assert paid["0.5", "1"] == 0.5
+
+
+def test_ranges_are_those_of_the_instances():
+    shown = {row[0]: row for row in rows(section("sph_gym/DamBreak-v0", "Starting State"))}
+    drawn = [instances.instance("dam_break", "test", k).arguments["gravity"] for k in range(32)]
+    column = 1 + list(instances.SIZES).index("test")
+    assert shown["gravity"][column] == f"{min(drawn):.4g} to {max(drawn):.4g}"
+    assert shown["gravity"][1] == "9.81"
+    ends = rows(section("sph_gym/DamBreak-v0", "Action Space"))
+    sound = next(row for row in ends if row[1] == "sound speed")
+    c0 = instances.instance("dam_break", "nominal", 0).build().fluid.c0
+    assert [float(x) for x in sound[3:]] == pytest.approx(np.multiply(actions.SOUND, c0), rel=1e-3)
+
+
+def test_tables_and_lists():
+    assert table(["a", "b"], [(0.123456, "|x|")]).splitlines()[2] == r"| 0.1235 | \|x\| |"
+    docstring = """What.
+
+    - `one`: first
+      and more
+    - `two`: second
+
+    End.
+    """
+    assert listed(docstring) == {"one": "first and more", "two": "second"}
+    assert listed(None) == {}
+
+
+def test_the_command_lists_prints_and_writes(tmp_path, capsys):
+    assert main(["docs"]) == 0
+    assert all(id_ in capsys.readouterr().out for id_ in IDS[:1])
+    assert main(["docs", IDS[0]]) == 0
+    assert capsys.readouterr().out.startswith(f"# {IDS[0]}")
+    assert main(["docs", "--output", str(tmp_path / "docs")]) == 0
+    written = {path.name: path.read_text() for path in (tmp_path / "docs").iterdir()}
+    assert set(written) == {f"{id_[8:]}.md" for id_ in IDS} | {"README.md"}
+    assert all(f"({name})" in written["README.md"] for name in written if name != "README.md")
+    assert main(["docs", "sph_gym/Lake-v0"]) == 2
+    assert "DamBreak" in capsys.readouterr().err

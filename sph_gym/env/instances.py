@@ -35,7 +35,7 @@ SHOWN_BY = {"colliding_patches": "patch_impact", "sloshing": "shaken_tank"}
 
 # How many frames of the scene make a step of the environment: in a step of a few substeps there
 # is little to tune.
-FRAMES_PER_STEP = {"dam_break": 1.0, "drop_impact": 1.0}
+FRAMES_PER_STEP = {"dam_break": 1.5, "drop_impact": 1.5}
 
 # Scenes that are no game, and why; all others are benchmarks.
 DIAGNOSTIC = {
@@ -58,20 +58,20 @@ class Instance(NamedTuple):
 
 
 def _dam_break(rng: np.random.Generator, dx: float) -> dict[str, float]:
-    width = rng.uniform(8, 14) * dx
+    width = rng.uniform(12, 17) * dx
     return {
         "width": width,
-        "height": width * rng.uniform(1.2, 2.5),
+        "height": width * rng.uniform(1.2, 2.2),
         "tank": rng.uniform(4.0, 7.0),
         "gravity": rng.uniform(4.0, 15.0),
     }
 
 
 def _drop_impact(rng: np.random.Generator, dx: float) -> dict[str, float]:
-    diameter = rng.uniform(7, 12) * dx
+    diameter = rng.uniform(9, 14) * dx
     return {
         "diameter": diameter,
-        "drop_height": rng.uniform(0.5, 2.5) * diameter,
+        "drop_height": rng.uniform(1.0, 4.0) * diameter,
         "pool_depth": rng.uniform(3, 6) * dx,
         "width": rng.uniform(3.0, 4.5) * diameter,
         "gravity": rng.uniform(4.0, 15.0),
@@ -118,8 +118,8 @@ def _sloshing(rng: np.random.Generator, dx: float) -> dict[str, float]:
         "length": length,
         "fill": rng.uniform(6, 10) * dx,
         "strength": rng.uniform(0.25, 0.5),
-        "shakes": rng.uniform(1.0, 2.0),
-        "rest": rng.uniform(1.0, 2.0),
+        "shakes": rng.uniform(0.75, 1.5),
+        "rest": rng.uniform(1.5, 2.5),
         "gravity": rng.uniform(4.0, 15.0),
     }
 

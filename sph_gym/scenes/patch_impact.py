@@ -36,9 +36,9 @@ def patch_impact(
         v=np.concatenate([towards, -towards]),
         dx=dx,
         h=2.6 * dx,
-        # jets leave an impact at up to twice its speed
-        fluid=Fluid(c0=sound_speed(2 * speed)),
+        # an impact on water compresses it by speed / c0, and 4 % of it would be too much
+        fluid=Fluid(c0=sound_speed(3 * speed)),
         effects=Effects(xsph=True, artificial_viscosity=0.02),
         duration=duration,
-        frame=duration / 100,
+        frame=duration / 75,
     )

@@ -72,20 +72,20 @@ def _drop_impact(rng: np.random.Generator, dx: float) -> dict[str, float]:
     return {
         "diameter": diameter,
         "drop_height": rng.uniform(1.0, 4.0) * diameter,
-        "pool_depth": rng.uniform(3, 6) * dx,
+        "pool_depth": rng.uniform(2, 5) * dx,
         "width": rng.uniform(3.0, 4.5) * diameter,
         "gravity": rng.uniform(4.0, 15.0),
     }
 
 
 def _drop_sequence(rng: np.random.Generator, dx: float) -> dict[str, float]:
-    diameter, gravity = rng.uniform(6, 9) * dx, rng.uniform(4.0, 15.0)
+    diameter, gravity = rng.uniform(8, 11) * dx, rng.uniform(4.0, 15.0)
     return {
         "diameter": diameter,
         "drop_height": rng.uniform(0.5, 2.0) * diameter,
-        "drops": int(rng.integers(2, 5)),
-        "interval": rng.uniform(2.5, 4.5) * float(np.sqrt(diameter / gravity)),
-        "pool_depth": rng.uniform(3, 5) * dx,
+        "drops": int(rng.integers(2, 4)),
+        "interval": rng.uniform(2.5, 3.5) * float(np.sqrt(diameter / gravity)),
+        "pool_depth": rng.uniform(4, 6) * dx,
         "width": rng.uniform(3.5, 5.5) * diameter,
         "gravity": gravity,
     }
@@ -96,7 +96,7 @@ def _long_fall(rng: np.random.Generator, dx: float) -> dict[str, float]:
     return {
         "diameter": diameter,
         "drop_height": rng.uniform(4.0, 8.0) * diameter,
-        "puddle": rng.uniform(0, 4) * dx,
+        "puddle": rng.uniform(2, 5) * dx,
         "width": rng.uniform(2.0, 4.0) * diameter,
         "gravity": rng.uniform(4.0, 15.0),
     }
@@ -108,16 +108,15 @@ def _colliding_patches(rng: np.random.Generator, dx: float) -> dict[str, float]:
         "length": length,
         "height": rng.uniform(0.7, 1.3) * length,
         "speed": rng.uniform(0.5, 2.0),
-        "gap": rng.uniform(0.5, 1.5) * length,
+        "gap": rng.uniform(0.5, 1.0) * length,
     }
 
 
 def _sloshing(rng: np.random.Generator, dx: float) -> dict[str, float]:
-    length = rng.uniform(40, 60) * dx
     return {
-        "length": length,
-        "fill": rng.uniform(6, 10) * dx,
-        "strength": rng.uniform(0.25, 0.5),
+        "length": rng.uniform(55, 75) * dx,
+        "fill": rng.uniform(4, 6) * dx,
+        "strength": rng.uniform(0.4, 0.7),
         "shakes": rng.uniform(0.75, 1.5),
         "rest": rng.uniform(1.5, 2.5),
         "gravity": rng.uniform(4.0, 15.0),

@@ -58,5 +58,5 @@ def drop_sequence(
             box=(0.0, width, 0.0, math.inf),
         ),
         duration=float(arrivals[-1]) + 2 * interval,
-        frame=interval / 25,
+        frame=interval / 30,
     )

@@ -22,7 +22,7 @@ def long_fall(
 
     diameter, drop_height, width (of the tank), puddle (depth of the water on the floor, 0 for
     none): [m], the last two rounded to multiples of dx; gravity: downwards [m/s^2].
-    Lasts for three times the fall.
+    Lasts for two and a half times the fall.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
     diameter, width = in_range("diameter", diameter, 3 * dx), in_range("width", width, 6 * dx)
@@ -47,6 +47,6 @@ def long_fall(
             particles=tank_particles(width, depth + 3 * diameter, dx),
             box=(0.0, width, 0.0, math.inf),
         ),
-        duration=3 * fall,
-        frame=fall / 40,
+        duration=2.5 * fall,
+        frame=fall / 50,
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap
-from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
+from sph_gym.solver.scene import Effects, Fluid, Scene
 
 
 def patch_impact(
@@ -21,7 +21,7 @@ def patch_impact(
     """Two patches that move towards each other along x, `speed` [m/s] each.
 
     length, height: of either [m], rounded to multiples of dx; gap: between them at the start [m].
-    Lasts until they have met and for one and a half times the passage of a patch.
+    Lasts until they have met and for the passage of a patch.
     """
     dx, speed = positive("dx", dx), positive("speed", speed)
     length = snap(in_range("length", positive("length", length), 3 * dx), dx)
@@ -29,15 +29,15 @@ def patch_impact(
     gap = in_range("gap", positive("gap", gap), dx)
     right = lattice(gap / 2, gap / 2 + length, -height / 2, height / 2, dx)
     towards = np.full_like(right, (-speed, 0.0))
-    duration = gap / (2 * speed) + 1.5 * length / speed
+    duration = gap / (2 * speed) + length / speed
     return Scene(
         "patch_impact",
         x=np.concatenate([right, right * (-1, 1)]),
         v=np.concatenate([towards, -towards]),
         dx=dx,
         h=2.6 * dx,
-        # an impact on water compresses it by speed / c0, and 4 % of it would be too much
-        fluid=Fluid(c0=sound_speed(3 * speed)),
+        # an impact compresses the water by speed / c, at first
+        fluid=Fluid(c0=40 * speed),
         effects=Effects(xsph=True, artificial_viscosity=0.02),
         duration=duration,
         frame=duration / 75,

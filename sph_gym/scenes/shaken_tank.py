@@ -17,11 +17,11 @@ SAMPLES_PER_PERIOD = 80
 
 def shaken_tank(
     dx: float = 0.025,
-    length: float = 1.2,
-    fill: float = 0.2,
-    strength: float = 0.4,
-    shakes: float = 1.5,
-    rest: float = 1.5,
+    length: float = 1.5,
+    fill: float = 0.1,
+    strength: float = 0.5,
+    shakes: float = 1.0,
+    rest: float = 2.0,
     gravity: float = 9.81,
 ) -> Scene:
     """A tank that is shaken at its water's own period, and left alone.

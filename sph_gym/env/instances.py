@@ -116,9 +116,9 @@ def _sloshing(rng: np.random.Generator, dx: float) -> dict[str, float]:
     return {
         "length": rng.uniform(55, 75) * dx,
         "fill": rng.uniform(4, 6) * dx,
-        "strength": rng.uniform(0.4, 0.7),
-        "shakes": rng.uniform(0.75, 1.5),
-        "rest": rng.uniform(1.5, 2.5),
+        "strength": rng.uniform(0.6, 1.0),
+        "shakes": rng.uniform(0.5, 1.0),
+        "rest": rng.uniform(2.0, 3.0),
         "gravity": rng.uniform(4.0, 15.0),
     }
 

@@ -34,6 +34,7 @@ class Search(NamedTuple):
     near: float = 0.2
 
 
+FULL = Search()
 COARSE = Search(width=2, hold=4, courant=(0.9,), xsph=(0.1, 0.3))
 
 
@@ -91,7 +92,7 @@ class Oracle:
     fixed: coordinates 0 to 2 that it may not touch, and the value that each keeps.
     """
 
-    def __init__(self, search: Search = Search(), fixed: dict[int, float] | None = None) -> None:
+    def __init__(self, search: Search = FULL, fixed: dict[int, float] | None = None) -> None:
         self.search, self.fixed = search, fixed or {}
         self._plan: list[Any] = []
         self._where: tuple[str, int] | None = None

@@ -13,7 +13,7 @@ import numpy as np
 
 import sph_gym
 from sph_gym.env import actions
-from sph_gym.env.oracle import load, play, save
+from sph_gym.env.oracle import Step, load, play, save
 from sph_gym.env.tuning import TuningEnv
 
 # (environment, observation) -> action
@@ -47,6 +47,12 @@ class Episode(NamedTuple):
         return self.beyond <= BEYOND
 
 
+def constant(*action: float) -> Policy:
+    """The same action in every step."""
+    held = np.array(action, np.float32)
+    return lambda env, observation: held
+
+
 def run(scene: str, instance: str, policy: Policy, seed: int = 0) -> Episode:
     """A whole episode of a policy on an instance of an environment's scene."""
     env = TuningEnv(scene)
@@ -58,7 +64,7 @@ def run(scene: str, instance: str, policy: Policy, seed: int = 0) -> Episode:
 
 def follow(env: TuningEnv, policy: Policy, most_beyond: float = math.inf) -> Episode | None:
     """The rest of an episode; None as soon as more than a share `most_beyond` is beyond."""
-    steps, beyond = [], 0
+    steps, beyond = list[Step](), 0
     while not steps or not steps[-1].over:
         steps.append(play(env, policy(env, None)))
         beyond += steps[-1].error > 1 or steps[-1].blowup
@@ -83,7 +89,10 @@ class Grid(NamedTuple):
     substeps: int = 40
 
 
-def best_static(scene: str, instance: str, grid: Grid = Grid()) -> tuple[Point, Episode] | None:
+FULL = Grid()
+
+
+def best_static(scene: str, instance: str, grid: Grid = FULL) -> tuple[Point, Episode] | None:
     """The static setting that is cheapest within tolerance, in hindsight; None if there is none.
 
     The work of a static setting is known beforehand: so many substeps a step. The fewest are
@@ -97,8 +106,7 @@ def best_static(scene: str, instance: str, grid: Grid = Grid()) -> tuple[Point, 
         found = []
         for setting in _settings(env, n, grid):
             load(env, begin)
-            action = np.array(setting, np.float32)
-            episode = follow(env, lambda env, _, action=action: action, most_beyond=BEYOND)
+            episode = follow(env, constant(*setting), most_beyond=BEYOND)
             if episode is not None and not episode.blowup:
                 found.append((setting, episode))
         if found:

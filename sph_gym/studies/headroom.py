@@ -32,7 +32,7 @@ class Plan(NamedTuple):
     """Scenes, instances of each, instances of which the ablation is run, and how to search."""
 
     scenes: tuple[str, ...] = SCENES
-    count: int = 4
+    n_instances: int = 4
     ablated: int = 2
     search: Search = Search()
     grid: Grid = Grid()
@@ -74,12 +74,12 @@ def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
         raise ImportError('studies need more: pip install "sph_gym[studies]"') from None
     plan = QUICK if quick else FULL
     found: dict[str, list[Contest]] = {}
-    total = len(plan.scenes) * plan.count
+    total = len(plan.scenes) * plan.n_instances
     with tqdm(total=total, unit="instance", file=sys.stderr) as bar:
         for scene in plan.scenes:
             bar.set_description(scene)
             found[scene] = []
-            for number in range(plan.count):
+            for number in range(plan.n_instances):
                 found[scene].append(contest(plan, scene, number, folder / "headroom"))
                 bar.update()
             yield from rows(scene, found[scene])

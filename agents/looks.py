@@ -62,6 +62,14 @@ AGENTS: dict[str, Agent] = {
         "keeps one setting for the whole run, the best of a grid that was tried on "
         "training instances.",
     ),
+    "lookahead": Agent(
+        "look-ahead",
+        "#8C8C00",
+        "X",
+        (0, (8, 2, 1, 2, 1, 2)),
+        "tries settings on snapshots of the episode and keeps the best; it sees the reference and "
+        "the future, so it is a bound and no competitor.",
+    ),
     "ppo": Agent(
         "PPO",
         "#009E73",

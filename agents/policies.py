@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.controllers import ArticleCfl, Controller, Network, Static, TunedCfl, nominal
+from sph_gym.env.oracle import Oracle
 
 # (environment, observation) -> action
 Policy = Callable[[gym.Env[Any, Any], NDArray[np.float32]], Any]
 
 TRAINED = Path(__file__).parent / "trained"
 LEARNED = ("ppo", "sac")
-NAMES = ("random", "default", "cfl", "tuned_cfl", "grid_search", *LEARNED)
+NAMES = ("random", "default", "cfl", "tuned_cfl", "grid_search", "lookahead", *LEARNED)
 
 
 class Spec(NamedTuple):
@@ -49,6 +50,8 @@ def build(spec: Spec, seed: int) -> Policy:
         return _follow(rules[spec.name])
     if spec.name == "grid_search" and spec.settings is not None:
         return _follow(Static(*spec.settings))
+    if spec.name == "lookahead":
+        return Oracle()
     if spec.name in LEARNED and spec.network is not None:
         network = Network.load(spec.network)
         return lambda env, observation: network(observation)

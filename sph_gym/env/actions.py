@@ -62,10 +62,15 @@ Coordinates = NDArray[np.float64]
 def encode(scene: Scene, controls: Controls) -> Coordinates:
     """Coordinates of controls, cut off at -1 and 1."""
     c = scene.fluid.sound_speed(controls.stiffness)
+    return locate(controls.dt * c / scene.h, c / scene.fluid.c0, controls.xsph)
+
+
+def locate(courant: float, sound: float, xsph: float) -> Coordinates:
+    """Coordinates of a multiple dt c / h, a multiple of c0 and epsilon, cut off at -1 and 1."""
     numbers = (
-        _position(math.log(controls.dt * c / scene.h), *map(math.log, COURANT)),
-        _position(math.log(c / scene.fluid.c0), *map(math.log, SOUND)),
-        _position(controls.xsph, *XSPH),
+        _position(math.log(courant), *map(math.log, COURANT)),
+        _position(math.log(sound), *map(math.log, SOUND)),
+        _position(xsph, *XSPH),
     )
     return np.array([min(max(number, -1.0), 1.0) for number in numbers])
 

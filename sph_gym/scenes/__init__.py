@@ -12,6 +12,10 @@ from sph_gym.solver.scene import Scene
 _SCENES = (
     "dam_break",
     "drop_impact",
+    "drop_sequence",
+    "long_fall",
+    "patch_impact",
+    "shaken_tank",
     "hydrostatic_tank",
     "relaxation",
     "elliptical_drop",

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym.solver.checks import known
-from sph_gym.studies import effects, machine, startup, throughput, validation
+from sph_gym.studies import effects, exploits, headroom, machine, startup, throughput, validation
 from sph_gym.studies.peers import Peers
 from sph_gym.studies.table import Row, show, write
 
@@ -14,7 +14,11 @@ _STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "validation": validation.measure,
     "throughput": throughput.measure,
     "effects": effects.measure,
+    "headroom": headroom.measure,
+    "exploits": exploits.measure,
 }
+# Studies that keep finished runs in their folder.
+_KEEPING = ("validation", "headroom", "exploits")
 # What more a study leaves in its folder, from its rows.
 _FINISH: dict[str, Callable[[list[Row], Path], None]] = {"throughput": throughput.finish}
 
@@ -41,7 +45,7 @@ def run_study(
     """
     study = _STUDIES[known("study", name, _STUDIES)]
     place = Path(folder)
-    options: dict[str, Any] = {"folder": place} if name == "validation" else {}
+    options: dict[str, Any] = {"folder": place} if name in _KEEPING else {}
     for option, value, owner in (
         ("peers", peers, "throughput"),
         ("chosen", chosen, "validation"),

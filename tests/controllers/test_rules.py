@@ -3,6 +3,7 @@ import pytest
 from sph_gym import Simulation, scenes
 from sph_gym.controllers import ArticleCfl, Static, TunedCfl, nominal
 from sph_gym.env import SCENES
+from sph_gym.env.instances import instance
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,7 @@ def test_the_tuned_rule_follows_the_flow(sim):
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_tuned_rule_is_stable(scene):
-    sim = Simulation(scenes.make(scene, dx=0.05))
+    sim = Simulation(instance(scene, "nominal", 0, dx=0.05).build())
     while sim.time < 0.5 * sim.scene.duration:
         sim.controls = TunedCfl()(sim)
         assert not sim.advance(sim.scene.frame).diverged

@@ -1,0 +1,62 @@
+"""Drops hit a shallow pool one after the other: calm and violence alternate."""
+
+import math
+
+import numpy as np
+
+from sph_gym.solver.checks import in_range, positive, whole
+from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
+from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
+from sph_gym.solver.walls import Walls
+
+
+def drop_sequence(
+    dx: float = 0.02,
+    diameter: float = 0.24,
+    drop_height: float = 0.3,
+    drops: int = 3,
+    interval: float = 0.5,
+    pool_depth: float = 0.1,
+    width: float = 1.2,
+    gravity: float = 9.81,
+) -> Scene:
+    """Drops above each other in the middle of a tank, the first at rest `drop_height` up.
+
+    diameter, drop_height (of the lowest point above the pool), pool_depth, width (of the tank):
+    [m], the last two rounded to multiples of dx; drops: how many; interval: between their
+    impacts [s], for which the later ones are thrown, mostly upwards; gravity: downwards [m/s^2].
+    Lasts for twice the interval after the last impact.
+    """
+    dx, gravity = positive("dx", dx), positive("gravity", gravity)
+    diameter, width = in_range("diameter", diameter, 3 * dx), in_range("width", width, 6 * dx)
+    drop_height = in_range("drop_height", drop_height, dx)
+    drops, interval = whole("drops", drops, at_least=1), positive("interval", interval)
+    width = snap(width, dx)
+    pool_depth = snap(in_range("pool_depth", pool_depth, dx), dx)
+    if diameter > width - 6 * dx:
+        raise ValueError(f"diameter: expected at most width - 6 dx, got {diameter:g} m")
+    heights = drop_height + 1.5 * diameter * np.arange(drops)
+    arrivals = math.sqrt(2 * drop_height / gravity) + interval * np.arange(drops)
+    thrown = gravity * arrivals / 2 - heights / arrivals
+    pool = lattice(0.0, width, 0.0, pool_depth, dx)
+    bodies = [
+        disc(width / 2, pool_depth + height + diameter / 2, diameter / 2, dx) for height in heights
+    ]
+    v = [np.zeros_like(pool)]
+    v += [np.full_like(body, (0.0, up)) for body, up in zip(bodies, thrown, strict=True)]
+    fastest = np.sqrt(thrown**2 + 2 * gravity * (heights + diameter / 2 + pool_depth)).max()
+    return Scene(
+        "drop_sequence",
+        x=np.concatenate([pool, *bodies]),
+        v=np.concatenate(v),
+        dx=dx,
+        h=2.6 * dx,
+        fluid=Fluid(c0=sound_speed(float(fastest))),
+        effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
+        walls=Walls(
+            particles=tank_particles(width, pool_depth + 3 * diameter, dx),
+            box=(0.0, width, 0.0, math.inf),
+        ),
+        duration=float(arrivals[-1]) + 2 * interval,
+        frame=interval / 30,
+    )

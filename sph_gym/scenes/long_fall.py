@@ -1,0 +1,52 @@
+"""A drop falls for long, bursts on a puddle or on the floor, and what is left comes to rest."""
+
+import math
+
+import numpy as np
+
+from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
+from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
+from sph_gym.solver.walls import Walls
+
+
+def long_fall(
+    dx: float = 0.02,
+    diameter: float = 0.3,
+    drop_height: float = 2.0,
+    puddle: float = 0.0,
+    width: float = 1.0,
+    gravity: float = 9.81,
+) -> Scene:
+    """A drop at rest, its lowest point `drop_height` above what it hits, in the middle of a tank.
+
+    diameter, drop_height, width (of the tank), puddle (depth of the water on the floor, 0 for
+    none): [m], the last two rounded to multiples of dx; gravity: downwards [m/s^2].
+    Lasts for two and a half times the fall.
+    """
+    dx, gravity = positive("dx", dx), positive("gravity", gravity)
+    diameter, width = in_range("diameter", diameter, 3 * dx), in_range("width", width, 6 * dx)
+    drop_height = in_range("drop_height", drop_height, dx)
+    width = snap(width, dx)
+    if diameter > width - 6 * dx:
+        raise ValueError(f"diameter: expected at most width - 6 dx, got {diameter:g} m")
+    depth = round(in_range("puddle", puddle, 0.0, drop_height) / dx) * dx
+    drop = disc(width / 2, depth + drop_height + diameter / 2, diameter / 2, dx)
+    pool = lattice(0.0, width, 0.0, depth, dx) if depth > 0 else np.empty((0, 2))
+    # the top of the drop falls to the floor
+    v_max = math.sqrt(2 * gravity * (depth + drop_height + diameter))
+    fall = math.sqrt(2 * drop_height / gravity)
+    return Scene(
+        "long_fall",
+        x=np.concatenate([pool, drop]),
+        dx=dx,
+        h=2.6 * dx,
+        fluid=Fluid(c0=sound_speed(v_max)),
+        effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
+        walls=Walls(
+            particles=tank_particles(width, depth + 3 * diameter, dx),
+            box=(0.0, width, 0.0, math.inf),
+        ),
+        duration=2.5 * fall,
+        frame=fall / 50,
+    )

@@ -1,0 +1,80 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from sph_gym.controllers import TunedCfl
+from sph_gym.env import env_id
+from sph_gym.env.oracle import COARSE, Oracle, load, play, save
+
+INSTANCE = {"instance": "colliding_patches/val/3"}
+
+
+@pytest.fixture
+def env():
+    made = gym.make(env_id("colliding_patches")).unwrapped
+    made.reset(seed=0, options=INSTANCE)
+    return made
+
+
+def rewards(env, policy):
+    env.reset(seed=0, options=INSTANCE)
+    earned, over = [], False
+    while not over:
+        _, reward, terminated, truncated, _ = env.step(policy(env, None))
+        earned.append(reward)
+        over = terminated or truncated
+    return earned
+
+
+def rule(env, observation):
+    return env.action_toward(TunedCfl()(env.sim))
+
+
+def test_it_earns_more_than_the_tuned_rule(env):
+    assert sum(rewards(env, Oracle(COARSE))) > 1.2 * sum(rewards(env, rule))
+
+
+def test_a_limited_horizon_also_gets_to_the_end(env):
+    near = COARSE._replace(horizon=1, hold=8)
+    assert sum(rewards(env, Oracle(near))) > sum(rewards(env, rule))
+
+
+def test_planning_leaves_the_episode_as_it_was(env):
+    twin = gym.make(env_id("colliding_patches")).unwrapped
+    twin.reset(seed=0, options=INSTANCE)
+    Oracle(COARSE._replace(horizon=1)).plan(env)
+    action = np.zeros(3, np.float32)
+    ours, theirs = env.step(action), twin.step(action)
+    assert np.array_equal(ours[0], theirs[0])
+    assert ours[1:] == theirs[1:]
+
+
+def test_a_step_without_observation_is_a_step(env):
+    action = np.array([0.3, -0.2, 0.1], np.float32)
+    moment = save(env)
+    for _ in range(3):
+        step = play(env, action)
+    after = env.sim.x.copy()
+    load(env, moment)
+    for _ in range(3):
+        _, reward, *_, info = env.step(action)
+    assert np.array_equal(env.sim.x, after)
+    assert (step.reward, step.n_substeps) == (reward, info["n_substeps"])
+
+
+def test_what_is_fixed_stays(env):
+    oracle = Oracle(COARSE._replace(horizon=2), {1: 0.25})
+    actions = np.array(oracle.plan(env))
+    assert np.all(actions[:, 1] == np.float32(0.25))
+    assert len(actions) == COARSE.hold
+
+
+@pytest.mark.parametrize("mode", ["delta", "discrete"])
+def test_it_plays_in_every_action_mode(mode):
+    env = gym.make(env_id("colliding_patches"), action_mode=mode).unwrapped
+    env.reset(seed=0, options=INSTANCE)
+    oracle = Oracle(COARSE._replace(horizon=2))
+    for _ in range(3):
+        action = oracle(env)
+        assert env.action_space.contains(action)
+        env.step(action)

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym.controllers.lookahead import Outcome, beam_search
-from sph_gym.env import actions, rewards
-from sph_gym.env.tuning import TuningEnv
+from sph_gym.env import actions
+from sph_gym.env.episode import Episode
 
 Point = tuple[float, float, float]
+State = dict[str, Any]
 
 
 class Search(NamedTuple):
@@ -38,27 +39,6 @@ FULL = Search()
 COARSE = Search(width=2, hold=4, courant=(0.9,), xsph=(0.1, 0.3))
 
 
-class Moment(NamedTuple):
-    """An episode at the start of a step, to go on from."""
-
-    sim: dict[str, Any]
-    past: list[Any]
-    step: int
-    coordinates: Any
-
-
-def save(env: TuningEnv) -> Moment:
-    """The present moment of an episode."""
-    return Moment(env.sim.snapshot(), list(env._judge._past), env._step, env._coordinates.copy())
-
-
-def load(env: TuningEnv, moment: Moment) -> None:
-    """Go back to a moment, all but what is only observed."""
-    env.sim.restore(moment.sim)
-    env._judge._past = list(moment.past)
-    env._step, env._coordinates = moment.step, moment.coordinates.copy()
-
-
 class Step(NamedTuple):
     """A step of an episode: its reward, largest error in multiples of its tolerance, and cost."""
 
@@ -69,21 +49,18 @@ class Step(NamedTuple):
     blowup: bool
 
 
-def play(env: TuningEnv, action: Any) -> Step:
-    """What `env.step` does, without an observation."""
-    scene = env.sim.scene
-    env._coordinates = env.action_type.act(action, env._coordinates)
-    env.sim.controls = actions.decode(scene, env._coordinates)
-    report = env.sim.advance(scene.frame)
-    env._step += 1
-    errors = env._judge.errors(env._step, env.sim.diagnostics())
-    if report.diverged:
-        terms = rewards.blowup_terms(env.n_steps - env._step + 1)
-    else:
-        terms = rewards.terms(errors, report.n_substeps / env._reference.cfl_substeps)
-    reward = sum(env.reward_weights[term] * value for term, value in terms.items())
-    over = report.diverged or env._step >= env.n_steps
-    return Step(reward, max(errors), report.n_substeps, over, report.diverged)
+def play(episode: Episode, action: Any) -> Step:
+    """A step of an episode whose environment isn't looked at."""
+    episode.act(action)
+    outcome = episode.conclude(episode.sim.advance(episode.scene.frame))
+    info = outcome.info
+    return Step(
+        sum(outcome.reward),
+        info["error"],
+        int(info["n_substeps"]),
+        outcome.terminated or outcome.truncated,
+        bool(info["blowup"]),
+    )
 
 
 class Oracle:
@@ -99,38 +76,38 @@ class Oracle:
 
     def __call__(self, env: Any, observation: Any = None) -> Any:
         """The next action; a new plan where the old one is over or the episode another one."""
-        tuning: TuningEnv = env.unwrapped
-        if not self._plan or self._where != (tuning.instance_id, tuning._step):
-            self._plan = self.plan(tuning)
-        self._where = (tuning.instance_id, tuning._step + 1)
+        episode: Episode = env.unwrapped.episode
+        if not self._plan or self._where != (episode.instance_id, episode.step):
+            self._plan = self.plan(episode)
+        self._where = (episode.instance_id, episode.step + 1)
         return self._plan.pop(0)
 
-    def plan(self, env: TuningEnv) -> list[Any]:
+    def plan(self, episode: Episode) -> list[Any]:
         """The actions of the best branch, or of its first move if the horizon is limited."""
-        search, start = self.search, save(env)
-        depth = -(-(env.n_steps - env._step) // search.hold)
+        search, start = self.search, episode.state()
+        depth = -(-(episode.n_steps - episode.step) // search.hold)
         branch = beam_search(
             start,
             self._settings,
-            lambda moment, wanted: self._play(env, moment, wanted),
+            lambda state, wanted: self._play(episode, state, wanted),
             depth if search.horizon is None else min(search.horizon, depth),
             search.width,
-            lambda moment: (moment.sim["totals"], moment.coordinates.tobytes()),
+            lambda state: (state["simulation"]["totals"], state["coordinates"].tobytes()),
         )
-        load(env, start)
+        episode.restore(start)
         moves = branch.moves if search.horizon is None else branch.moves[:1]
-        return self._as_actions(env, start, moves)
+        return self._as_actions(episode, start, moves)
 
-    def _as_actions(self, env: TuningEnv, start: Moment, moves: Any) -> list[Any]:
-        present, played = start.coordinates, []
+    def _as_actions(self, episode: Episode, start: State, moves: Any) -> list[Any]:
+        present, played, modes = start["coordinates"], [], episode.rules.actions
         for wanted, _ in itertools.product(moves, range(self.search.hold)):
-            played.append(env.action_type.toward(np.array(wanted), present))
-            present = env.action_type.act(played[-1], present)
-        return played[: env.n_steps - start.step]
+            played.append(modes.toward(np.array(wanted), present))
+            present = modes.act(played[-1], present)
+        return played[: episode.n_steps - start["step"]]
 
-    def _settings(self, moment: Moment) -> list[Point]:
+    def _settings(self, state: State) -> list[Point]:
         """Coordinates to try: as it is, a little to every side, and settings anywhere."""
-        search, here = self.search, moment.coordinates
+        search, here = self.search, state["coordinates"]
         tried = [here]
         for axis, way in itertools.product((0, 1), (-search.near, search.near)):
             tried.append(here + way * np.eye(3)[axis])
@@ -143,14 +120,14 @@ class Oracle:
             points[:, axis] = value
         return list(dict.fromkeys(tuple(point) for point in points.tolist()))
 
-    def _play(self, env: TuningEnv, moment: Moment, wanted: Point) -> Outcome[Moment]:
-        load(env, moment)
+    def _play(self, episode: Episode, state: State, wanted: Point) -> Outcome[State]:
+        episode.restore(state)
         earned, over = 0.0, False
         for _ in range(self.search.hold):
-            action = env.action_type.toward(np.array(wanted), env._coordinates)
-            step = play(env, action)
+            action = episode.rules.actions.toward(np.array(wanted), episode.coordinates)
+            step = play(episode, action)
             earned += step.reward
             over = step.over
             if over:
                 break
-        return Outcome(save(env), earned, over)
+        return Outcome(episode.state(), earned, over)

@@ -13,7 +13,7 @@ import numpy as np
 
 import sph_gym
 from sph_gym.env import actions
-from sph_gym.env.oracle import Step, load, play, save
+from sph_gym.env.oracle import Step, play
 from sph_gym.env.tuning import TuningEnv
 
 # (environment, observation) -> action
@@ -66,7 +66,7 @@ def follow(env: TuningEnv, policy: Policy, most_beyond: float = math.inf) -> Epi
     """The rest of an episode; None as soon as more than a share `most_beyond` is beyond."""
     steps, beyond = list[Step](), 0
     while not steps or not steps[-1].over:
-        steps.append(play(env, policy(env, None)))
+        steps.append(play(env.episode, policy(env, None)))
         beyond += steps[-1].error > 1 or steps[-1].blowup
         if beyond > most_beyond * env.n_steps:
             return None
@@ -101,11 +101,11 @@ def best_static(scene: str, instance: str, grid: Grid = FULL) -> tuple[Point, Ep
     """
     env = TuningEnv(scene)
     env.reset(seed=0, options={"instance": instance})
-    begin = save(env)
+    begin = env.episode.state()
     for n in range(1, grid.substeps + 1):
         found = []
         for setting in _settings(env, n, grid):
-            load(env, begin)
+            env.episode.restore(begin)
             episode = follow(env, constant(*setting), most_beyond=BEYOND)
             if episode is not None and not episode.blowup:
                 found.append((setting, episode))

@@ -4,7 +4,7 @@ import pytest
 
 from sph_gym.controllers import TunedCfl
 from sph_gym.env import env_id
-from sph_gym.env.oracle import COARSE, Oracle, load, play, save
+from sph_gym.env.oracle import COARSE, Oracle, play
 
 INSTANCE = {"instance": "colliding_patches/val/3"}
 
@@ -42,7 +42,7 @@ def test_a_limited_horizon_also_gets_to_the_end(env):
 def test_planning_leaves_the_episode_as_it_was(env):
     twin = gym.make(env_id("colliding_patches")).unwrapped
     twin.reset(seed=0, options=INSTANCE)
-    Oracle(COARSE._replace(horizon=1)).plan(env)
+    Oracle(COARSE._replace(horizon=1)).plan(env.episode)
     action = np.zeros(3, np.float32)
     ours, theirs = env.step(action), twin.step(action)
     assert np.array_equal(ours[0], theirs[0])
@@ -51,11 +51,11 @@ def test_planning_leaves_the_episode_as_it_was(env):
 
 def test_a_step_without_observation_is_a_step(env):
     action = np.array([0.3, -0.2, 0.1], np.float32)
-    moment = save(env)
+    moment = env.episode.state()
     for _ in range(3):
-        step = play(env, action)
+        step = play(env.episode, action)
     after = env.sim.x.copy()
-    load(env, moment)
+    env.episode.restore(moment)
     for _ in range(3):
         _, reward, *_, info = env.step(action)
     assert np.array_equal(env.sim.x, after)
@@ -64,7 +64,7 @@ def test_a_step_without_observation_is_a_step(env):
 
 def test_what_is_fixed_stays(env):
     oracle = Oracle(COARSE._replace(horizon=2), {1: 0.25})
-    actions = np.array(oracle.plan(env))
+    actions = np.array(oracle.plan(env.episode))
     assert np.all(actions[:, 1] == np.float32(0.25))
     assert len(actions) == COARSE.hold
 

@@ -11,14 +11,10 @@ from gymnasium.utils.env_checker import check_env
 import sph_gym
 from sph_gym import scenes
 from sph_gym.env import SCENES, env_id, rewards, scene_of
+from sph_gym.env.episode import INFO
 
 IDS = [env_id(scene) for scene in SCENES]
-FLOATS = [
-    "time", "dt", "stiffness", "xsph", "n_substeps", "work", "density_error", "clumping",
-    "fidelity_error", "cost", "control_work", "blowup", "blowup_substep", "time_to_failure",
-    "rollbacks", "reward_density", "reward_clumping", "reward_fidelity", "reward_work",
-    "reward_blowup",
-]  # fmt: skip
+FLOATS = [name for name, (unit, _) in INFO.items() if unit != "text"]
 COARSE = {"dx": 0.08}
 MUSH = np.array([1.0, -1.0, 0.0], np.float32)
 GENTLE = np.array([-0.3, -0.2, 0.0], np.float32)

@@ -12,11 +12,11 @@ from sph_gym.solver.walls import Walls
 
 def drop_sequence(
     dx: float = 0.02,
-    diameter: float = 0.24,
+    diameter: float = 0.3,
     drop_height: float = 0.3,
     drops: int = 3,
     interval: float = 0.5,
-    pool_depth: float = 0.1,
+    pool_depth: float = 0.12,
     width: float = 1.2,
     gravity: float = 9.81,
 ) -> Scene:

@@ -18,7 +18,7 @@ SAMPLES_PER_PERIOD = 80
 def shaken_tank(
     dx: float = 0.025,
     length: float = 1.5,
-    fill: float = 0.1,
+    fill: float = 0.125,
     strength: float = 0.5,
     shakes: float = 1.0,
     rest: float = 2.0,

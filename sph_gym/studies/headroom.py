@@ -136,13 +136,16 @@ def headroom(contests: list[Contest]) -> float:
 
 
 def losses(contests: list[Contest]) -> dict[str, float]:
-    """What the oracle's mean reward loses if it may not touch one of the controls."""
-    tried = [one for one in contests if one.frozen]
-    return {
-        name: float(np.mean([one.oracle.reward - one.frozen[axis].reward for one in tried]))
-        for axis, name in enumerate(CONTROLS)
-        if tried
-    }
+    """What the oracle's mean reward loses if it may not touch one of the controls.
+
+    A beam can miss the static setting, which keeps that control too: the better of the two counts.
+    """
+    lost: dict[str, list[float]] = {name: [] for name in CONTROLS}
+    for one in contests:
+        for name, frozen in zip(CONTROLS, one.frozen, strict=False):
+            known = -math.inf if one.static is None else one.static.reward
+            lost[name].append(one.oracle.reward - max(frozen.reward, known))
+    return {name: float(np.mean(values)) for name, values in lost.items() if values}
 
 
 def summary(plan: Plan, found: dict[str, list[Contest]]) -> Iterator[Row]:

@@ -71,3 +71,9 @@ def test_what_is_kept_belongs_to_its_key(tmp_path):
     assert kept(tmp_path, ["a", 1], lambda: 1.5) == 1.5
     assert kept(tmp_path, ["a", 1], lambda: pytest.fail("computed twice")) == 1.5
     assert kept(tmp_path, ["a", 2], lambda: [2, None]) == [2, None]
+
+
+def test_a_frozen_oracle_is_no_worse_than_the_static_setting():
+    frozen = (episode(reward=-1.0), episode(reward=0.7), episode(reward=0.8))
+    losses = headroom.losses([contest(frozen=frozen)])
+    assert losses["Courant multiple"] == pytest.approx(0.3)

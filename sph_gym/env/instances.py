@@ -67,7 +67,7 @@ def _dam_break(rng: np.random.Generator, dx: float) -> dict[str, float]:
     width = rng.uniform(12, 17) * dx
     return {
         "width": width,
-        "height": width * rng.uniform(1.2, 2.2),
+        "height": width * rng.uniform(1.2, 2.5),
         "tank": rng.uniform(4.0, 7.0),
         "gravity": rng.uniform(4.0, 15.0),
     }

@@ -260,9 +260,9 @@ def test_a_moving_side_pushes_nobody_through_a_plate(
 @pytest.mark.parametrize("integrator", ["symplectic_euler", "kick_drift_kick"])
 def test_a_cloud_between_a_closing_box_and_plates_is_that_of_the_naive_solver(integrator):
     walls = Walls(
-        box=(-0.02, SIDE, 0.0, SIDE), restitution=0.5,
-        motion=Motion((3.0, 0.0), sides=("left",)),
-        plates=[(0.004, -0.1, 0.005, 0.2), (0.02, 0.055, 0.08, 0.045)],
+        box=(0.0, SIDE, 0.0, SIDE), restitution=0.5,
+        motion=Motion((8.0, 0.0), sides=("left",)),
+        plates=[(0.012, -0.1, 0.013, 0.2), (0.02, 0.055, 0.08, 0.045)],
     )  # fmt: skip
     start = cloud(walls=walls, speed=10.0, integrator=integrator)
     agrees(replace(start, x=np.clip(start.x, 0.0, SIDE)), 10, neighbors=["grid"])

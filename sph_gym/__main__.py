@@ -65,7 +65,7 @@ def _run(options: argparse.Namespace) -> int:
 
     changes = {name: getattr(options, name) for name in ("dt", "stiffness", "xsph")}
     return run(
-        scenes.make(options.scene, **dict(map(_assignment, options.set))),
+        _scene(options.scene, options.set),
         seconds=options.seconds,
         controls={name: value for name, value in changes.items() if value is not None},
         dtype=options.dtype,
@@ -77,6 +77,15 @@ def _run(options: argparse.Namespace) -> int:
         video=options.video,
         save=options.save,
     )
+
+
+def _scene(name: str, assignments: list[str]) -> scenes.Scene:
+    try:
+        return scenes.make(name, **dict(map(_assignment, assignments)))
+    except ArithmeticError as error:
+        raise ValueError(
+            f"--set: expected numbers of usual sizes, got {' '.join(assignments)}: {error}"
+        ) from None
 
 
 def _assignment(text: str) -> tuple[str, Any]:

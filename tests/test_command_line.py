@@ -62,6 +62,7 @@ def test_a_video_is_written(tmp_path):
         ["run", "drop_impact", "--set", "width=1e300"],
         ["run", "elliptical_drop", "--set", "dx=1e-9"],
         ["run", "hydrostatic_tank", "--set", "gravity=1e300"],
+        ["run", "standing_wave", "--set", "gravity=1e308"],
         ["study", "weather"],
     ],
     ids=" ".join,

@@ -13,7 +13,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return int(options.function(options))
-    except (ValueError, ImportError, OSError) as error:
+    except (ValueError, ImportError, OSError, MemoryError) as error:
         print(f"sph_gym: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -27,7 +27,10 @@ def _parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="run a scene; log, watch or film it")
     run.set_defaults(function=_run)
     run.add_argument("scene", help=", ".join(scenes.names()))
-    run.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="scene arguments")
+    run.add_argument(
+        "--set", nargs="*", action="extend", default=[], metavar="NAME=VALUE",
+        help="scene arguments",
+    )  # fmt: skip
     run.add_argument("--seconds", type=float, help="physical time, by default the scene's own")
     run.add_argument("--dt", type=float, help="time step [s]")
     run.add_argument("--stiffness", type=float, help="Tait's B [Pa]")
@@ -66,7 +69,7 @@ def _run(options: argparse.Namespace) -> int:
 
     changes = {name: getattr(options, name) for name in ("dt", "stiffness", "xsph")}
     return run(
-        scenes.make(options.scene, **dict(map(_assignment, options.set))),
+        _scene(options.scene, options.set),
         seconds=options.seconds,
         controls={name: value for name, value in changes.items() if value is not None},
         dtype=options.dtype,
@@ -80,15 +83,24 @@ def _run(options: argparse.Namespace) -> int:
     )
 
 
-def _assignment(text: str) -> tuple[str, Any]:
-    name, equals, value = text.partition("=")
+def _scene(name: str, assignments: list[str]) -> scenes.Scene:
     try:
-        number = float(value)
+        return scenes.make(name, **dict(map(_assignment, assignments)))
+    except ArithmeticError as error:
+        raise ValueError(
+            f"--set: expected numbers of usual sizes, got {' '.join(assignments)}: {error}"
+        ) from None
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    """A name, and a value that is a number if it can be; what it may be, the scene says."""
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise ValueError(f"--set: expected NAME=VALUE, got {text!r}")
+    try:
+        return name, int(value) if value.isdecimal() else float(value)
     except ValueError:
-        equals = ""
-    if not equals:
-        raise ValueError(f"--set: expected NAME=NUMBER, got {text!r}")
-    return name, int(number) if value.isdecimal() else number
+        return name, value
 
 
 def _study(options: argparse.Namespace) -> int:

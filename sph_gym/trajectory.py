@@ -66,7 +66,8 @@ class Recorder:
     if the process is killed, other programs than `read` may ask for `h5clear -s` first.
 
     Raises ValueError for unknown suffixes and fields, FileNotFoundError if there is no such
-    directory, ImportError that names the extra to install.
+    directory, FileExistsError if a file is where the folder of a .pvd should be, ImportError that
+    names the extra to install.
     """
 
     def __init__(
@@ -81,6 +82,11 @@ class Recorder:
         self._fields = [known("fields", name, FIELDS) for name in dict.fromkeys(names)]
         if not target.parent.is_dir():
             raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
+        if suffix == ".pvd" and (folder := target.with_suffix("")).exists() and not folder.is_dir():
+            raise FileExistsError(
+                f"path: expected a folder or nothing at {str(folder)!r}, where the frames are to "
+                "go, got a file"
+            )
         self._file = ExitStack()
         self._append = self._file.enter_context(_WRITERS[suffix](target, _constants(sim)))
 

@@ -572,9 +572,9 @@ class Naive:
     # --- what a step may not do -------------------------------------------------------------
 
     def confined(self, old_x, x, v, time):
-        """Paths end at plates, and at the box; who leaves a periodic domain comes in again."""
-        x, v = self.stopped_at_plates(old_x, x, v)
+        """Paths end at the box, and at plates; who leaves a periodic domain comes in again."""
         x, v = self.clamped(x, v, time)
+        x, v = self.stopped_at_plates(old_x, x, v)
         x = x.copy()
         for axis, low, high in self.periods:
             x[:, axis] = low + np.mod(x[:, axis] - low, high - low)
@@ -606,9 +606,14 @@ class Naive:
         if walls is None or walls.plates is None:
             return x, v
         x, v = x.copy(), v.copy()
+        plates = np.asarray(walls.plates)
+        for axis, low, high in self.periods:
+            shift = np.zeros(4)
+            shift[axis::2] = high - low
+            plates = np.concatenate([plates, plates - shift, plates + shift])
         for i in range(len(x)):
             hits = []
-            for plate in np.asarray(walls.plates):
+            for plate in plates:
                 begin, along = plate[:2], plate[2:] - plate[:2]
                 path = x[i] - old_x[i]
                 if abs(along[0] * path[1] - along[1] * path[0]) < 1e-300:

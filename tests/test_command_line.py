@@ -1,6 +1,7 @@
 import pytest
 
 from sph_gym.__main__ import main
+from sph_gym.scenes import droplet
 
 
 def test_run_logs_densities_and_pressures(capsys):
@@ -8,6 +9,15 @@ def test_run_logs_densities_and_pressures(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert "rho/rho0 #0" in lines[0]
     assert len(lines) == 1 + 3
+
+
+def test_every_assignment_counts_and_words_are_values(monkeypatch):
+    made = []
+    monkeypatch.setattr("sph_gym.run.run", lambda scene, **options: made.append(scene) or 0)
+    command = ["run", "droplet", "--set", "dx=0.04", "side=1", "--set", "shape=ellipse"]
+    assert main([*command, "--set", "dx=0.05"]) == 0
+    assert made[0].dx == 0.05
+    assert not droplet.is_square(made[0])
 
 
 def test_run_tells_of_a_blowup(capsys):
@@ -44,6 +54,15 @@ def test_a_video_is_written(tmp_path):
         ["run", "relaxation", "--seconds", "-1"],
         ["run", "relaxation", "--dt", "0"],
         ["run", "relaxation", "--dtype", "float16"],
+        ["run", "droplet", "--set", "shape=star"],
+        ["run", "relaxation", "--set", "dx=small"],
+        ["run", "relaxation", "--set", "dx=1e-60", "diameter=1e-59"],
+        ["run", "dam_break", "--set", "dx=1e-6"],
+        ["run", "dam_break", "--set", "tank=1e300"],
+        ["run", "drop_impact", "--set", "width=1e300"],
+        ["run", "elliptical_drop", "--set", "dx=1e-9"],
+        ["run", "hydrostatic_tank", "--set", "gravity=1e300"],
+        ["run", "standing_wave", "--set", "gravity=1e308"],
         ["study", "weather"],
     ],
     ids=" ".join,

@@ -362,3 +362,12 @@ def test_the_command_line_saves_and_films_at_once(tmp_path):
 def test_the_command_line_names_the_formats(tmp_path, capsys):
     assert main(["run", "relaxation", "--set", "dx=0.1", "--save", str(tmp_path / "run.csv")]) == 2
     assert "expected one of .npz, .h5, .hdf5, .pvd" in capsys.readouterr().err
+
+
+def test_a_file_in_the_place_of_the_folder_is_told_of_at_once(tmp_path):
+    need(".pvd")
+    (tmp_path / "run").write_text("mine")
+    with pytest.raises(FileExistsError, match="path: expected a folder"):
+        Recorder(tmp_path / "run.pvd", simulation())
+    (tmp_path / "other").mkdir()
+    Recorder(tmp_path / "other.pvd", simulation()).close()

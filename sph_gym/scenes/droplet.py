@@ -95,7 +95,7 @@ def inner_pressure(sim: Simulation) -> float:
 def roughness(sim: Simulation) -> float:
     """Difference of the largest and the smallest radius in 24 directions, over R."""
     x = sim.x - sim.x.mean(axis=0)
-    r, sector = np.hypot(*x.T), np.arctan2(*x.T) // (math.pi / 12)
+    r, sector = np.hypot(*x.T), np.floor(np.arctan2(*x.T) / (math.pi / 12)) % 24
     edges = [float(r[sector == k].max(initial=0.0)) for k in np.unique(sector)]
     return (max(edges) - min(edges)) / radius_of(sim.scene)
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.scenes.reference import Measure, Run
+from sph_gym.solver.checks import countable
 from sph_gym.solver.simulation import Simulation
 
 Array = NDArray[np.float64]
@@ -18,6 +19,7 @@ def rings(radius: float, dx: float) -> Array:
     A square lattice that fills a circle has a ragged rim, and is squeezed along its rows where
     the flow is aligned with it. The radius is rounded to a multiple of dx.
     """
+    countable(math.pi * (radius / dx) ** 2)
     points = []
     for k in range(max(round(radius / dx), 1)):
         n = max(round(2 * math.pi * (k + 0.5)), 1)
@@ -94,11 +96,13 @@ def momentum_measures(run: Run, linear: bool = True, angular: bool = True) -> li
 
 
 def energy_measures(run: Run, most: float | None = None) -> list[Measure]:
-    """Energy that the run gained or lost, and the kinetic energy alone, which may lose `most` %."""
+    """What the kinetic energy gained or lost, at most `most` % of it, and the whole energy."""
     kinetic, energy = run.series("kinetic"), run.series("energy")
     at_stake = kinetic.max()
     return [
-        Measure("kinetic energy lost", 100 * float(1 - kinetic[-1] / kinetic[0]), "%", most),
+        Measure(
+            "change of kinetic energy", 100 * abs(float(kinetic[-1] / kinetic[0]) - 1), "%", most
+        ),
         Measure(
             "change of the whole energy",
             100 * float(np.abs(energy - energy[0]).max() / at_stake),

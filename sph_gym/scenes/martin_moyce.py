@@ -1,7 +1,6 @@
 """The collapse of a column of water on a dry floor, as measured by Martin & Moyce 1952."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -84,36 +83,13 @@ def height_error(history: NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean((simulated - table[:, 1]) ** 2)))
 
 
-def front_history(
-    sim: Simulation,
-    width: float,
-    gravity: float = 9.81,
-    last: float = 3.4,
-    look: Callable[[Simulation], None] | None = None,
-) -> NDArray[np.float64]:
-    """Run to T = `last`. Returns (n, 2): T = t sqrt(2 g / width), front / width.
-
-    look: called after each of the about fifty legs per unit of T.
-    Raises RuntimeError if the simulation blows up.
-    """
-    unit = math.sqrt(width / (2 * gravity))
-    history = [(0.0, front(sim) / width)]
-    while sim.time < last * unit:
-        if sim.advance(0.02 * unit).diverged:
-            raise RuntimeError(f"the dam break blew up at t = {sim.time:g} s")
-        if look is not None:
-            look(sim)
-        history.append((sim.time / unit, front(sim) / width))
-    return np.array(history)
-
-
 def present_error(sim: Simulation) -> float:
-    """Front off the measured one now, as a share of the latter; 0 where and when there is none."""
+    """Front off the measured one now, as a share of the latter; nan where that is unknown."""
     table, width = read("martin_moyce_1952_front_n2_2.csv"), column(sim.scene).width
     gravity = -float(sim.scene.effects.gravity_at(sim.time)[1])
     moment = sim.time * math.sqrt(2 * gravity / width)
     if not measured(sim.scene) or not table[0, 0] <= moment <= table[-1, 0]:
-        return 0.0
+        return math.nan
     return abs(front(sim) / width / float(np.interp(moment, *table.T)) - 1)
 
 

@@ -30,14 +30,14 @@ def oscillating_drop(
 ) -> Scene:
     """A drop that begins with u = rate x, v = - rate y under the force - omega^2 r.
 
-    radius: [m], rounded to a multiple of dx; omega, rate: [1/s], the rate at most twice omega;
-    periods: how long it lasts. Pressure is nowhere negative and nothing rubs: only a matched
-    kernel and a symplectic integrator keep such a drop going.
+    radius: [m], rounded to a multiple of dx; omega, rate: [1/s], the rate from a millionth of omega
+    to twice omega; periods: how long it lasts. Pressure is nowhere negative and nothing rubs: only
+    a matched kernel and a symplectic integrator keep such a drop going.
     """
     dx, radius = positive("dx", dx), positive("radius", radius)
     in_range("radius", radius, 3 * dx)
     omega, periods = positive("omega", omega), positive("periods", periods)
-    rate = in_range("rate", positive("rate", rate), 0.0, 2 * omega)
+    rate = in_range("rate", positive("rate", rate), 1e-6 * omega, 2 * omega)
     x = rings(radius, dx)
     time = period(rate, omega)
     return Scene(

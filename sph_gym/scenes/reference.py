@@ -64,7 +64,8 @@ class Run(NamedTuple):
 class Reference:
     """How a scene is compared with what should happen.
 
-    source: of the reference. error: of the present state, in `unit`. observe: called at the start
+    source: of the reference. error: of the present state, in `unit`; nan where nothing is known of
+    it. observe: called at the start
     and after every frame. judge: the measures of a whole run, the first being the error whose
     order of convergence is of interest. chart: what to draw of a run, its reference included.
     resolutions: arguments of the scene, coarse first. quick: how many of them are enough for a
@@ -105,9 +106,3 @@ def read(name: str) -> NDArray[np.float64]:
     with (resources.files("sph_gym.scenes") / "data" / name).open() as file:
         _, *rows = (line for line in file if not line.startswith("#"))
     return np.loadtxt(rows, delimiter=",", ndmin=2)
-
-
-def columns(name: str) -> list[str]:
-    """The names of its columns."""
-    with (resources.files("sph_gym.scenes") / "data" / name).open() as file:
-        return next(line for line in file if not line.startswith("#")).strip().split(",")

@@ -8,7 +8,7 @@ import numpy as np
 from sph_gym.scenes.free_bodies import conserved, momentum_measures
 from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, positive, whole
-from sph_gym.solver.geometry import lattice
+from sph_gym.solver.geometry import disc
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.simulation import Simulation
 
@@ -22,11 +22,9 @@ def relaxation(
     clamped can push but not pull, so that without viscosity the stored energy of the jitter
     drives the blob apart for ever, and artificial viscosity acts only on pairs that approach.
     """
-    dx, diameter = positive("dx", dx), positive("diameter", diameter)
-    square = lattice(-diameter / 2, diameter / 2, -diameter / 2, diameter / 2, dx)
-    x = square[np.hypot(*square.T) <= diameter / 2]
-    if len(x) == 0:
-        raise ValueError(f"diameter: expected at least dx = {dx:g} m, got {diameter:g}")
+    dx = positive("dx", dx)
+    diameter = in_range("diameter", diameter, dx)
+    x = disc(0.0, 0.0, diameter / 2, dx)
     rng = np.random.default_rng(whole("seed", seed))
     x = x + rng.normal(0.0, in_range("jitter", jitter, 0.0) * dx, x.shape)
     c0 = 10.0

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_PARTICLES = 1e8
+
 
 def number(name: str, value: Any) -> float:
     """`value` as a finite float, or ValueError."""
@@ -64,6 +66,15 @@ def whole(name: str, value: Any, at_least: int = 0) -> int:
     if result != int(result):
         raise ValueError(f"{name}: expected a whole number, got {value!r}")
     return int(result)
+
+
+def countable(particles: float) -> None:
+    """ValueError for a region that would take more of them than fit into memory."""
+    if not particles <= MOST_PARTICLES:
+        raise ValueError(
+            f"dx: expected at most {MOST_PARTICLES:g} particles, got {particles:.3g}; "
+            "a larger dx or a smaller region makes fewer"
+        )
 
 
 def known(name: str, value: Any, choices: Iterable[str]) -> str:

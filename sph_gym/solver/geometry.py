@@ -1,17 +1,21 @@
-"""Where particles are at the start: lattices, discs, tanks, and plates of boundary particles."""
+"""Where particles are at the start: lattices, discs, tanks, and plates of boundary particles.
+
+All raise ValueError that names the argument: for what isn't a finite number, for lengths that
+aren't positive, for ends that aren't in order, and for more than 1e8 particles.
+"""
 
 import math
 
 import numpy as np
 
-from sph_gym.solver.checks import positive, whole
+from sph_gym.solver.checks import countable, finite_array, number, positive, whole
 from sph_gym.solver.state import Floats
 
 
 def snap(length: float, dx: float) -> float:
     """The multiple of dx nearest to a length, at least dx: where a lattice of spacing dx fits."""
-    positive("dx", dx)
-    return max(round(length / dx), 1) * dx
+    dx = positive("dx", dx)
+    return max(round(number("length / dx", number("length", length) / dx)), 1) * dx
 
 
 def lattice(x_min: float, x_max: float, y_min: float, y_max: float, dx: float) -> Floats:
@@ -20,17 +24,29 @@ def lattice(x_min: float, x_max: float, y_min: float, y_max: float, dx: float) -
     Returns (n, 2) [m]. The upper sides are moved to the nearest multiple of dx: a lattice that
     was stretched to fit would not be at rest density.
     """
-    positive("dx", dx)
-    nx, ny = (max(round(side / dx), 1) for side in (x_max - x_min, y_max - y_min))
+    dx = positive("dx", dx)
+    x_min, width = _interval("x", x_min, x_max)
+    y_min, height = _interval("y", y_min, y_max)
+    countable((width / dx) * (height / dx))
+    nx, ny = (max(round(side / dx), 1) for side in (width, height))
     x, y = x_min + (np.arange(nx) + 0.5) * dx, y_min + (np.arange(ny) + 0.5) * dx
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
+def _interval(name: str, low: float, high: float) -> tuple[float, float]:
+    """The lower end of an interval and its length [m]."""
+    low, high = number(f"{name}_min", low), number(f"{name}_max", high)
+    if not low < high:
+        raise ValueError(f"{name}_max: expected a number above {name}_min = {low:g}, got {high:g}")
+    return low, number(f"{name}_max - {name}_min", high - low)
+
+
 def disc(x: float, y: float, radius: float, dx: float) -> Floats:
     """The points of a square lattice, symmetric about x, y, within `radius` of it. (n, 2) [m]."""
+    centre, radius = (number("x", x), number("y", y)), positive("radius", radius)
     square = lattice(-radius, radius, -radius, radius, dx)
     square -= square.mean(axis=0)
-    return square[np.hypot(*square.T) <= radius] + (x, y)
+    return square[np.hypot(*square.T) <= radius] + centre
 
 
 def tank_particles(
@@ -41,8 +57,10 @@ def tank_particles(
     The inner faces are x = 0, x = width (to the nearest multiple of dx) and y = 0, the walls at
     least `height` high; with a `lid`, the tank is closed at `height`. Returns (n, 2) [m].
     """
-    positive("dx", dx)
-    nx, ny = max(round(width / dx), 1), math.ceil(height / dx - 1e-9)
+    dx, layers = positive("dx", dx), whole("layers", layers, at_least=1)
+    columns, rows = positive("width", width) / dx, positive("height", height) / dx
+    countable((columns + 2 * layers) * (rows + 2 * layers))
+    nx, ny = max(round(columns), 1), math.ceil(rows - 1e-9)
     top = ny + (layers if lid else 0)
     i, j = (
         a.ravel() for a in np.meshgrid(np.arange(-layers, nx + layers), np.arange(-layers, top))
@@ -57,6 +75,7 @@ def channel_particles(length: float, height: float, dx: float, layers: int = 3) 
     In step with a lattice of spacing dx; length and height are rounded to multiples of it.
     Returns (n, 2) [m], the lower wall first.
     """
+    length, height = positive("length", length), positive("height", height)
     layers, height = whole("layers", layers, at_least=1), snap(height, dx)
     below = lattice(0.0, length, -layers * dx, 0.0, dx)
     return np.concatenate([below, lattice(0.0, length, height, height + layers * dx, dx)])
@@ -66,10 +85,12 @@ def plate_particles(
     start: tuple[float, float], end: tuple[float, float], dx: float, layers: int = 1
 ) -> Floats:
     """A straight thin obstacle from `start` to `end` [m], `layers` deep about that line. (n, 2)."""
-    begin, finish = np.array(start, float), np.array(end, float)
+    begin, finish = finite_array("start", start, (2,)), finite_array("end", end, (2,))
+    dx, layers = positive("dx", dx), whole("layers", layers, at_least=1)
     along = finish - begin
     length = positive("length of the plate", np.hypot(*along))
-    n = max(round(length / positive("dx", dx)), 1)
+    countable(length / dx * layers)
+    n = max(round(length / dx), 1)
     normal = np.array([-along[1], along[0]]) / length * dx
     share = (np.arange(n) + 0.5) / n
     depths = np.arange(layers) - (layers - 1) / 2

@@ -16,7 +16,7 @@ from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import dispatch, jitable
 from sph_gym.solver.lanes import first_lanes, first_true, like, load, select, store, width
 from sph_gym.solver.neighbors import group_size
-from sph_gym.solver.walls import confine, stop_at_plates, wrap
+from sph_gym.solver.walls import confine, first_outside, stop_at_plates, wrap
 
 # Faster than this [m/s] is a blow-up, whatever the scene.
 TOP_SPEED = 5000.0
@@ -55,8 +55,7 @@ class Rates(NamedTuple):
     """What a group of particles feels.
 
     ax, ay: acceleration [m/s^2]; tx, ty: what is added to the velocity that moves them [m/s];
-    growth: d rho/dt by diffusion
-    [kg/(m^3 s)].
+    growth: d rho/dt by diffusion [kg/(m^3 s)].
     """
 
     ax: Any
@@ -138,15 +137,22 @@ def keep_rates(target, i, new, n):
 
 @jitable
 def place(model, i, n, source, target, x, y, u, v, time):
-    """Store positions and velocities within the walls; the first lane that is insane, or -1."""
-    x, y, u, v = stop_at_plates(model.plates, load(source.x, i), load(source.y, i), x, y, u, v)
+    """Store positions and velocities within the walls.
+
+    Returns a lane that is insane or moved by more than a period, or -1.
+    """
+    # plates last: a side that moves must not push anybody through them
     x, y, u, v = confine(model.box, model.stroke, time, x, y, u, v)
-    x, y = wrap(model.constants.period_x, x), wrap(model.constants.period_y, y)
+    x, y, u, v = stop_at_plates(model.plates, load(source.x, i), load(source.y, i), x, y, u, v)
+    period_x, period_y = model.constants.period_x, model.constants.period_y
+    x, y = wrap(period_x, x), wrap(period_y, y)
     store(target.x, i, x, n)
     store(target.y, i, y, n)
     store(target.u, i, u, n)
     store(target.v, i, v, n)
-    return first_true(insane(x, y, u, v) & first_lanes(x, n))
+    wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
+    wrong = first_outside(period_x, x, n) if wrong < 0 else wrong
+    return first_outside(period_y, y, n) if wrong < 0 else wrong
 
 
 @jitable
@@ -200,8 +206,8 @@ def move(
 ) -> Any:  # fmt: skip
     """The next move, after `done` others, of the step that began at `time` [s].
 
-    Particles first to last of `source` become those of `target`. Returns the first of them that is
-    no longer finite or too fast, or -1.
+    Particles first to last of `source` become those of `target`. Returns one of the first of them
+    that are no longer finite, too fast or farther than a periodic domain is long, or -1.
     """
 
 

@@ -16,6 +16,8 @@ from sph_gym.solver.walls import Walls
 
 # Of h / dx: beyond it a particle has more than 30,000 neighbours, and a unit is surely wrong.
 WIDEST = 100
+# Of lengths [m] and speeds [m/s]: beyond them powers of h overflow.
+SMALLEST, LARGEST = 1e-12, 1e12
 EQUATIONS_OF_STATE = ("tait", "linear")
 VISCOSITY_FORMS = ("laplacian", "morris")
 STRENGTHS = (
@@ -40,7 +42,8 @@ class Fluid:
     kernels.py). eos: "tait", or "linear", which is Tait with gamma = 1.
     clamp: whether negative pressures are cut off, as free surfaces want it.
 
-    Raises ValueError for values that aren't positive and finite, gamma < 1 and unknown names.
+    Raises ValueError for values that aren't positive and finite, c0 outside [1e-12, 1e12],
+    gamma < 1 and unknown names.
     """
 
     c0: float
@@ -51,7 +54,8 @@ class Fluid:
     clamp: bool = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "c0", positive("fluid.c0", self.c0))
+        c0 = in_range("fluid.c0", positive("fluid.c0", self.c0), SMALLEST, LARGEST)
+        object.__setattr__(self, "c0", c0)
         object.__setattr__(self, "rho0", positive("fluid.rho0", self.rho0))
         object.__setattr__(self, "gamma", in_range("fluid.gamma", self.gamma, 1.0))
         if not isinstance(self.clamp, bool):
@@ -83,12 +87,13 @@ class Effects:
     quadratic_viscosity: beta, of fast approaches. laminar_viscosity: kinematic viscosity nu
     [m^2/s]; viscosity_form: "laplacian" (of the kernel) or "morris".
     surface_tension: sigma [N/m]. tensile_correction: epsilon, about 0.2.
-    continuity: density is integrated in time and not summed anew; density_diffusion: delta of
-    delta-SPH, about 0.1, for densities by continuity.
+    continuity: a density is rho0 and what the particle's kernel sum has gained since the start,
+    which is the continuity equation integrated exactly; density_diffusion: delta of delta-SPH,
+    about 0.1, for densities by continuity, of which it alone is integrated step by step.
     shifting: A, about 2, times h and a tenth of c0: particles leave where they are crowded.
 
-    Raises ValueError for values that aren't finite, for negative ones, and for a density
-    diffusion without continuity.
+    Raises ValueError for values that aren't finite, for negative ones, for a density diffusion
+    without continuity, and for a form of laminar viscosity where there is none.
     """
 
     gravity: AnyGravity | tuple[float, float] | None = None
@@ -119,6 +124,11 @@ class Effects:
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, in_range(f"effects.{name}", value, 0.0))
+        if self.viscosity_form != VISCOSITY_FORMS[0] and self.laminar_viscosity is None:
+            raise ValueError(
+                "effects.viscosity_form: expected effects.laminar_viscosity with it, got "
+                f"{self.viscosity_form!r} alone"
+            )
         if self.density_diffusion is not None and not self.continuity:
             raise ValueError(
                 "effects.density_diffusion: expected continuity=True with it, since a density "
@@ -160,7 +170,8 @@ class Scene:
     start, xsph 0.3.
 
     Raises ValueError that names the argument, for wrong shapes and types, non-finite numbers, no
-    particles at all, h < dx or h > 100 dx, and times that aren't positive.
+    particles at all, dx or h outside [1e-12, 1e12] m, h < dx or h > 100 dx, and times that aren't
+    positive.
     """
 
     name: str
@@ -189,6 +200,8 @@ class Scene:
         object.__setattr__(self, "v", v)
         for name in ("dx", "h", "duration", "frame"):
             object.__setattr__(self, name, positive(name, getattr(self, name)))
+        for name in ("dx", "h"):
+            in_range(name, getattr(self, name), SMALLEST, LARGEST)
         if self.h < self.dx:
             raise ValueError(
                 f"h: expected a support radius of at least dx = {self.dx:g} m, got {self.h:g}"

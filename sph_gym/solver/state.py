@@ -20,7 +20,7 @@ class Particles(NamedTuple):
     `column`): only their first n entries count.
 
     What the rest is for, only some scenes need; where it isn't needed, it is None. ax, ay [m/s^2],
-    tx, ty [m/s] and growth [kg/(m^3 s)]: the rates at the last evaluation, see `stepping.Rates`;
+    tx, ty [m/s] and growth [kg/(m^3 s)]: the rates at the last evaluation, see `integrators.Rates`;
     offset: density less the kernel sum [kg/m^3], where densities follow the continuity equation;
     nx, ny: n / sqrt|n|, n the gradient of the share of space that is filled [1/m], where surfaces
     have tension;
@@ -44,9 +44,6 @@ class Particles(NamedTuple):
     ny: Any = None
     ghost_u: Any = None
     ghost_v: Any = None
-
-
-RATES = ("ax", "ay", "tx", "ty", "growth")
 
 
 class Controls(NamedTuple):

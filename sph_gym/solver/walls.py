@@ -8,6 +8,7 @@ and a plate looks at the whole path of a step.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,16 @@ from numpy.typing import ArrayLike
 
 from sph_gym.solver.checks import finite_array, in_range, known, number
 from sph_gym.solver.jit import jitable
-from sph_gym.solver.lanes import broadcast, like, maximum, minimum, rsqrt, select
+from sph_gym.solver.lanes import (
+    broadcast,
+    first_lanes,
+    first_true,
+    like,
+    maximum,
+    minimum,
+    rsqrt,
+    select,
+)
 from sph_gym.solver.state import Floats
 
 SIDES = ("left", "right", "bottom", "top")
@@ -23,6 +33,8 @@ PRESSURES = ("like fluid", "extrapolated")
 SLIPS = ("no-slip", "free-slip")
 # Of dx: how far in front of a plate a particle that hit it is put.
 SKIN = 1e-2
+# Of a period, from the middle of the domain: who is farther away is outside, whatever rounding did.
+OUTSIDE = 0.501
 
 
 class Box(NamedTuple):
@@ -43,7 +55,10 @@ class Box(NamedTuple):
 
 
 class Plates(NamedTuple):
-    """Segments; x0, y0, x1, y1: (n,) their ends [m]; restitution; skin: see SKIN [m]."""
+    """Segments; x0, y0, x1, y1: (n,) their ends [m]; restitution; skin: see SKIN [m].
+
+    In a periodic domain also their images a period away, where a step may lead.
+    """
 
     x0: Any
     y0: Any
@@ -74,18 +89,6 @@ class Stroke(NamedTuple):
     right: float
     bottom: float
     top: float
-
-
-class LikeFluid(NamedTuple):
-    """Boundary particles that take part in density and pressure exactly like fluid."""
-
-    layers: float
-
-
-class Extrapolated(NamedTuple):
-    """Boundary particles with the pressure of the fluid around them; `scale`: of W [1/m^2]."""
-
-    scale: float
 
 
 # --- Terms ----------------------------------------------------------------------------------
@@ -187,11 +190,20 @@ def nearest_image(period, d):
 
 @jitable
 def wrap(period, x):
-    """Into the domain again at its other end."""
+    """Into the domain again at its other end, from at most a period outside."""
     if period is None:
         return x
     x = select(x < like(x, period.low), x + like(x, period.length), x)
     return select(x < like(x, period.high), x, x - like(x, period.length))
+
+
+@jitable
+def first_outside(period, x, n):
+    """The first of n lanes that `wrap` couldn't bring back, or -1."""
+    if period is None:
+        return -1
+    distance = abs(x - like(x, period.low + period.half))
+    return first_true((distance > like(x, OUTSIDE * period.length)) & first_lanes(x, n))
 
 
 @jitable
@@ -292,20 +304,23 @@ class Walls:
 
     particles: (n, 2) positions of boundary particles [m]; they take part in density and pressure,
     and in viscosity unless they are "free-slip", but not in XSPH.
-    pressure: "like fluid" (the article's: they have a density and a pressure of their own), or
-    "extrapolated" from the fluid (Adami, Hu, Adams 2012, eq. 27), which also mirrors the
-    velocity that viscosity sees at "no-slip" walls (eq. 23).
-    slip: "no-slip" or "free-slip". velocity: (2,) or (n, 2) [m/s] of walls that slide along
-    themselves, as a lid or a belt. motion: of walls that move, as a piston.
+    pressure: of boundary particles, "like fluid" (the article's: they have a density and a pressure
+    of their own), or "extrapolated" from the fluid (Adami, Hu, Adams 2012, eq. 27), which also
+    mirrors the velocity that viscosity sees at "no-slip" walls (eq. 23).
+    slip: of boundary particles, "no-slip" or "free-slip". velocity: (2,) or (n, 2) [m/s] of walls
+    that slide along themselves, as a lid or a belt. motion: of walls that move, as a piston.
     box: (x_min, x_max, y_min, y_max) [m], infinite where a side is open: a particle that passes
     a side is clamped to it, and the normal part of its velocity is reflected.
-    plates: ((x0, y0, x1, y1), ...) segments [m] that no path crosses, however fast.
+    plates: ((x0, y0, x1, y1), ...) segments [m] that no path crosses, however fast; not even one
+    that a moving side of the box pushes along: what is between the two stays before the plate.
     restitution: share of the normal speed that is left after a reflection, 0 to 1.
-    period_x, period_y: (low, high) [m] where space closes upon itself; at least 4 h long.
+    period_x, period_y: (low, high) [m] where space closes upon itself; at least 4 h long, and
+    farther than anything moves in a step. Boundary particles and plates begin within them.
 
     Raises ValueError for positions that are not finite and of shape (n, 2), n >= 1, for a box
-    that isn't four numbers in order, for plates without length, for unknown names, and for a
-    restitution outside [0, 1].
+    that isn't four numbers in order, for plates without length, for unknown names, for a
+    restitution outside [0, 1], for boundary particles and plates outside a periodic domain, and
+    for what would do nothing: pressure and slip without particles, a side across a periodic axis.
     """
 
     particles: ArrayLike | None = None
@@ -341,6 +356,44 @@ class Walls:
                 if not ends[0] < ends[1]:
                     raise ValueError(f"walls.{name}: expected (low, high), got {tuple(ends)}")
                 object.__setattr__(self, name, tuple(map(float, ends)))
+        self._check_use()
+        self._check_periods()
+
+    def _check_use(self) -> None:
+        """Refuse what would do nothing without boundary particles."""
+        if self.particles is not None:
+            return
+        for name, default in (("pressure", PRESSURES[0]), ("slip", SLIPS[0])):
+            value = getattr(self, name)
+            if value != default:
+                raise ValueError(
+                    f"walls.{name}: expected walls.particles that are {value!r}, got none"
+                )
+
+    def _check_periods(self) -> None:
+        """Refuse what is outside a periodic domain, or would bound it."""
+        for axis, name in enumerate(("period_x", "period_y")):
+            ends = getattr(self, name)
+            if ends is None:
+                continue
+            if self.box is not None and any(map(math.isfinite, self.box[2 * axis : 2 * axis + 2])):
+                raise ValueError(
+                    f"walls.box: expected infinite sides across walls.{name}, got {self.box}"
+                )
+            if self.particles is not None:
+                place = np.asarray(self.particles)[:, axis]
+                if place.min() < ends[0] or place.max() >= ends[1]:
+                    raise ValueError(
+                        f"walls.particles: expected positions in walls.{name} = [{ends[0]:g}, "
+                        f"{ends[1]:g}), got {place.min():g} to {place.max():g}"
+                    )
+            if self.plates is not None:
+                place = np.asarray(self.plates)[:, axis::2]
+                if place.min() < ends[0] or place.max() > ends[1]:
+                    raise ValueError(
+                        f"walls.plates: expected ends in walls.{name} = [{ends[0]:g}, "
+                        f"{ends[1]:g}], got {place.min():g} to {place.max():g}"
+                    )
 
     def _set_array(self, name: str, shape: tuple[Any, ...]) -> None:
         array = finite_array(f"walls.{name}", getattr(self, name), shape)
@@ -435,7 +488,14 @@ def make_plates(walls: Walls | None, dx: float, precision: Any) -> Plates | None
     """The plates in the precision of the particles, where there are any."""
     if walls is None or walls.plates is None:
         return None
-    ends = np.asarray(walls.plates).astype(precision)
+    shifts = [
+        (0.0,) if period is None else (0.0, period[0] - period[1], period[1] - period[0])
+        for period in (walls.period_x, walls.period_y)
+    ]
+    plates = np.asarray(walls.plates)
+    # a step may lead through an end of the domain, and to what is behind it
+    images = [plates + np.array([x, y, x, y]) for x, y in product(*shifts)]
+    ends = np.concatenate(images).astype(precision)
     x0, y0, x1, y1 = (np.ascontiguousarray(column) for column in ends.T)
     return Plates(x0, y0, x1, y1, float(walls.restitution), number("skin", SKIN * dx))
 

@@ -38,6 +38,7 @@ def run_study(
 ) -> int:
     """Run a study, print its table, write `folder`/NAME.csv and, on what it ran, NAME.json.
 
+    A part of the validation is called after the part: validation_quick, validation_SCENE.
     The file grows with every row, so that an interrupted study leaves what it has measured.
     chosen: scenes to validate; again: validate anew what was validated before.
     Returns 1 if a row misses its bound, else 0. Raises ValueError that lists the known studies,
@@ -57,13 +58,24 @@ def run_study(
             raise ValueError(f"{option}: only the {owner} study has it, not {name}")
         options[option] = value
     rows: list[Row] = []
-    machine.write(place / f"{name}.json")
+    stem = _stem(name, quick, chosen)
+    machine.write(place / f"{stem}.json")
     try:
         for row in study(quick, **options):
             rows.append(row)
-            write(rows, place / f"{name}.csv")
+            write(rows, place / f"{stem}.csv")
     finally:
         if rows:
-            show(name, rows, place / f"{name}.csv")
+            show(name, rows, place / f"{stem}.csv")
             _FINISH.get(name, lambda rows, folder: None)(rows, place)
     return int(any(not row.holds for row in rows))
+
+
+def _stem(name: str, quick: bool, chosen: Sequence[str] | None) -> str:
+    """What the files of a study are called, so that no part of it overwrites the whole."""
+    if name != "validation":
+        return name
+    for scene in chosen or ():
+        known("scenes", scene, validation.with_reference())
+    several = [f"{len(chosen)}_scenes"] if chosen and len(chosen) > 4 else [*(chosen or ())]
+    return "_".join([name, *several, *(["quick"] if quick else [])])

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sph_gym.scenes.reference import Reference
 
 # Of M. Okabe and K. Ito, for colour-blind eyes; line styles tell resolutions in grey too.
@@ -32,7 +34,7 @@ def draw(name: str, reference: Reference, results: Sequence[Any], path: Path) ->
     every = figure.subplots(1, len(charts), squeeze=False)[0]
     for axes, (labels, alike) in zip(every, charts.items(), strict=True):
         _draw_runs(axes, alike)
-        _draw_references(axes, alike[-1])
+        _draw_references(axes, _references(alike))
         axes.set_xlabel(labels[0])
         axes.set_ylabel(labels[1])
         axes.grid(alpha=0.3)
@@ -66,9 +68,31 @@ def _size(result: Any) -> str:
     return ", ".join([f"dx = {result.dx:.3g} m", *others])
 
 
-def _draw_references(axes: Any, result: Any) -> None:
+def _references(results: Sequence[Any]) -> list[Any]:
+    """The reference curves of all results, once each; of those that differ in dx, the finest's."""
+    finest = {_others(result): result for result in results}
+    distinct: list[Any] = []
+    for curve in (curve for result in finest.values() for curve in result.chart.curves):
+        if curve.reference and not any(_same(curve, other) for other in distinct):
+            distinct.append(curve)
+    return distinct
+
+
+def _others(result: Any) -> tuple[tuple[str, str], ...]:
+    """The arguments of a result but for dx."""
+    return tuple(sorted((k, repr(v)) for k, v in result.arguments.items() if k != "dx"))
+
+
+def _same(curve: Any, other: Any) -> bool:
+    return (
+        curve.label == other.label
+        and np.array_equal(curve.x, other.x)
+        and np.array_equal(curve.y, other.y)
+    )
+
+
+def _draw_references(axes: Any, references: Sequence[Any]) -> None:
     """All in black, with one line in the legend where there are many."""
-    references = [curve for curve in result.chart.curves if curve.reference]
     for k, curve in enumerate(references):
         label = curve.label if len(references) <= 3 else "reference"
         axes.plot(

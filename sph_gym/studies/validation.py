@@ -1,7 +1,8 @@
 """The physics against what should happen: every scene that has a reference, at its resolutions.
 
-A finished run is kept as JSON in the study's folder, under a hash of the sources and the run's
-arguments. An interrupted study goes on where it was; nothing stale is taken.
+A finished run is kept as JSON in the study's folder, under a hash of the sources, of what compiles
+and runs them, and of the run's arguments. An interrupted study goes on where it was; nothing stale
+is taken.
 """
 
 import hashlib
@@ -21,6 +22,7 @@ import sph_gym
 from sph_gym import scenes
 from sph_gym.scenes.reference import Chart, Curve, Measure
 from sph_gym.solver.checks import known
+from sph_gym.solver.jit import source_hash
 from sph_gym.solver.simulation import Simulation
 from sph_gym.studies import gallery
 from sph_gym.studies.table import Row
@@ -91,7 +93,8 @@ def measure(
             yield from rows(result)
         yield from orders(results)
         if results:
-            gallery.draw(name, reference, results, folder / "validation" / f"{name}.png")
+            picture = f"{name}_quick.png" if quick else f"{name}.png"
+            gallery.draw(name, reference, results, folder / "validation" / picture)
 
 
 def rows(result: Result) -> Iterator[Row]:
@@ -173,16 +176,22 @@ def _bar(title: str) -> Any:
 
 @cache
 def _sources() -> bytes:
-    """Of the solver and the scenes: all that a result depends on."""
+    """Of the solver, the scenes and this file: all of ours that a result depends on."""
     root = Path(sph_gym.__file__).parent
     paths = sorted(
-        [*root.glob("solver/*.py"), *root.glob("scenes/*.py"), *root.glob("scenes/data/*")]
+        [
+            *root.glob("solver/*.py"),
+            *root.glob("scenes/*.py"),
+            *root.glob("scenes/data/*"),
+            Path(__file__).resolve(),
+        ]
     )
     return b"".join(path.read_bytes() for path in paths)
 
 
 def _key(name: str, arguments: dict[str, Any]) -> str:
-    digest = hashlib.sha256(_sources())
+    # source_hash: of the compiler, the interpreter and the processor too
+    digest = hashlib.sha256(f"{source_hash()} {np.__version__}".encode() + _sources())
     digest.update(json.dumps([name, arguments], sort_keys=True).encode())
     return digest.hexdigest()[:16]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sph_gym.solver.scene import Effects, Scene
-from sph_gym.solver.walls import Walls
+from sph_gym.solver.walls import PRESSURES, SLIPS, Walls
 
 # Effects of the whole fluid and what is added where a scene doesn't name them; alpha, then nu in
 # h c0 and sigma in rho0 c0^2 h, far inside what the time step allows.
@@ -43,13 +43,18 @@ def left_out(scene: Scene, effect: str) -> Scene:
     assert scene.walls is not None
     if effect == "box":
         return dataclasses.replace(scene, walls=dataclasses.replace(scene.walls, box=None))
-    return dataclasses.replace(scene, walls=dataclasses.replace(scene.walls, particles=None))
+    # with all that only particles have
+    bare = dataclasses.replace(
+        scene.walls, particles=None, velocity=None, pressure=PRESSURES[0], slip=SLIPS[0]
+    )
+    return dataclasses.replace(scene, walls=bare)
 
 
 def added(scene: Scene, effect: str) -> Scene:
     """The scene with an effect; the same scene if it names it already.
 
-    Raises ValueError for walls of particles, whose place only a scene can know.
+    Raises ValueError for walls of particles, whose place only a scene can know, and for a box
+    where space is periodic in both directions.
     """
     if names(scene, effect):
         return scene
@@ -78,7 +83,11 @@ def _with_effect(scene: Scene, effect: str, value: Any) -> Scene:
 def _boxed(scene: Scene) -> Walls:
     """The scene's walls, with a box around the fluid that it doesn't touch at first."""
     x, y = np.asarray(scene.x).T
-    margin = 10 * scene.h
-    box = (x.min() - margin, x.max() + margin, y.min() - margin, math.inf)
-    walls = scene.walls or Walls()
-    return dataclasses.replace(walls, box=box)
+    margin, walls = 10 * scene.h, scene.walls or Walls()
+    if walls.period_x is not None and walls.period_y is not None:
+        raise ValueError(f"{scene.name}: no box can be added")
+    box = [x.min() - margin, x.max() + margin, y.min() - margin, math.inf]
+    for axis, period in enumerate((walls.period_x, walls.period_y)):
+        if period is not None:
+            box[2 * axis : 2 * axis + 2] = -math.inf, math.inf
+    return dataclasses.replace(walls, box=tuple(box))

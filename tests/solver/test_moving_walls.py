@@ -18,7 +18,7 @@ from sph_gym import (
 )
 from tests.cases import C0, DX, STIFFNESS, UNCOMPILED, WATER, assert_close, fluid
 from tests.solver.test_integrators import integrators
-from tests.solver.test_terms import SIDE, TANK, cloud, extrapolated
+from tests.solver.test_terms import SIDE, TANK, agrees, cloud, extrapolated
 
 pytestmark = UNCOMPILED
 SLICK = Effects(laminar_viscosity=0.1)
@@ -229,6 +229,43 @@ def test_an_open_side_may_move():
     x, v = one((0.5, 0.5), (4.0, 1.0), ("left", "top"), (1.0, 1.0), 0.5, box=box)
     assert x == pytest.approx([0.54, 0.51])
     assert tuple(v) == (4.0, 1.0)
+
+
+@integrators
+@pytest.mark.parametrize("restitution", [0.0, 1.0])
+@pytest.mark.parametrize(
+    ("side", "axis", "begin", "speed"),
+    [("left", 0, 0.0, 3.0), ("right", 0, 1.0, -3.0), ("bottom", 1, 0.0, 3.0), ("top", 1, 1, -3.0)],
+)
+def test_a_moving_side_pushes_nobody_through_a_plate(
+    side, axis, begin, speed, restitution, integrator
+):
+    place, inwards = begin + 0.025 * np.sign(speed), np.sign(speed)
+    plate = np.array([place, -1.0, place, 2.0])[[axis, 1 - axis, 2 + axis, 3 - axis]]
+    x, velocity = np.full(2, 0.5), np.zeros(2)
+    x[axis], velocity[axis] = begin + 0.01 * inwards, speed
+    walls = Walls(
+        box=(0.0, 1.0, 0.0, 1.0), restitution=restitution, plates=[plate],
+        motion=Motion(tuple(velocity), sides=(side,)),
+    )  # fmt: skip
+    sim = Simulation(cloud(x=[x], v=[np.zeros(2)], walls=walls, fluid=WATER, integrator=integrator))
+    sim.controls = Controls(0.01, STIFFNESS, 0.3)
+    for _ in range(4):
+        # who is hit again and again between the two may well become too fast
+        sim.advance(0.01)
+        assert (sim.x[0, axis] - place) * inwards < 0.0
+        assert sim.x[0, 1 - axis] == 0.5
+
+
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "kick_drift_kick"])
+def test_a_cloud_between_a_closing_box_and_plates_is_that_of_the_naive_solver(integrator):
+    walls = Walls(
+        box=(0.0, SIDE, 0.0, SIDE), restitution=0.5,
+        motion=Motion((8.0, 0.0), sides=("left",)),
+        plates=[(0.012, -0.1, 0.013, 0.2), (0.02, 0.055, 0.08, 0.045)],
+    )  # fmt: skip
+    start = cloud(walls=walls, speed=10.0, integrator=integrator)
+    agrees(replace(start, x=np.clip(start.x, 0.0, SIDE)), 10, neighbors=["grid"])
 
 
 @integrators

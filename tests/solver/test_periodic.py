@@ -1,5 +1,7 @@
 """Periodic domains: no place in them is special, and nothing is lost at their ends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -22,6 +24,8 @@ from tests.cases import (
 )
 from tests.naive import Naive
 from tests.solver.test_forces import assert_same_fields
+from tests.solver.test_integrators import integrators
+from tests.solver.test_terms import PERIODS, agrees, periodic_cloud
 
 LENGTH = PERIOD[1] - PERIOD[0]
 N = 12
@@ -121,6 +125,82 @@ def test_a_domain_must_be_wide_enough():
 
 
 # --- Ends -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    ("periods", "lost"),
+    [
+        ((1.2, 0.0), False),
+        ((-1.1, 0.4), False),
+        ((1.7, 0.0), True),
+        ((0.0, -1.5), True),
+        ((3.7, 0.1), True),
+        ((10.0, 10.0), True),
+    ],
+)
+def test_who_ends_more_than_a_period_outside_has_blown_up(periods, lost, dtype):
+    """It would have been kept there, and summed over nobody."""
+    dt = 1e-3
+    x, path = np.array([0.07, 0.03]), LENGTH * np.array(periods)
+    sim = simulation("periodic", dtype=dtype, x=[x], v=[path / dt])
+    sim.controls = sim.controls._replace(dt=dt)
+    report = sim.advance(dt)
+    assert report.diverged == lost
+    assert (PERIOD[0] <= sim.x).all()
+    assert (sim.x < PERIOD[1]).all()
+    if lost:
+        assert report.bad_particle == 0
+        assert report.cause in ("energy", "cfl", "tunnelling")
+    else:
+        assert apart(sim.x[0], x + path) < 1e-6
+
+
+@uncompiled
+@integrators
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("others", [{}, {"period_x": (0.0, 1.0), "period_y": (0.0, 1.0)}])
+def test_a_plate_behind_an_end_stops_who_comes_through_it(axis, direction, others, integrator):
+    place = 0.5 - 0.49 * direction
+    plate = np.array([place, 0.2, place, 0.8])
+    x, v = np.array([0.5 + 0.47 * direction, 0.5]), np.array([10.0 * direction, 0.4])
+    if axis == 1:
+        plate, x, v = plate[[1, 0, 3, 2]], x[::-1], v[::-1]
+    period = {("period_x", "period_y")[axis]: (0.0, 1.0)} | others
+    walls = Walls(plates=[plate], restitution=0.5, **period)
+    sim = simulation("plates", x=[x], v=[v], walls=walls, integrator=integrator)
+    sim.controls = Controls(5e-3, STIFFNESS, 0.3)
+    skin = 0.01 * DX * direction
+    # it has either hit it, been put in front of it and come back, or just that
+    way = sim.v[0, axis]
+    sim.advance(5e-3)
+    assert sim.v[0, axis] == pytest.approx(-0.5 * way)
+    assert sim.v[0, 1 - axis] == pytest.approx(0.4)
+    beyond = (sim.x[0, axis] - place + 0.5) % 1.0 - 0.5
+    assert beyond * direction <= -skin * direction + 1e-12
+    assert beyond * direction > -0.05
+    assert not sim.advance(0.1).diverged
+    assert sim.v[0, axis] == pytest.approx(-0.5 * way)
+
+
+@uncompiled
+def test_a_plate_across_the_corner_of_two_periods_stops_a_path_to_its_image():
+    ends = (0.0, 1.0)
+    walls = Walls(plates=[(0.0, 0.03, 0.03, 0.0)], period_x=ends, period_y=ends)
+    sim = simulation("plates", x=[(0.98, 0.98)], v=[(10.0, 10.0)], walls=walls)
+    sim.controls = Controls(5e-3, STIFFNESS, 0.3)
+    sim.advance(5e-3)
+    assert sim.x[0] == pytest.approx(2 * [0.015 - 0.01 * DX / np.sqrt(2)])
+    assert sim.v[0] == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+@uncompiled
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "kick_drift_kick"])
+def test_a_periodic_cloud_against_plates_is_that_of_the_naive_solver(integrator):
+    plates = [(0.001, 0.02, 0.002, 0.1), (0.03, 0.003, 0.1, 0.001), (0.06, 0.05, 0.118, 0.07)]
+    start = periodic_cloud(PERIODS["both"], walls=Walls(plates=plates, restitution=0.7))
+    agrees(replace(start, integrator=integrator), 6, neighbors=["grid"])
 
 
 @pytest.mark.parametrize("v", [(70.0, 30.0), (-70.0, 30.0), (0.0, -55.0), (-90.0, -90.0)])

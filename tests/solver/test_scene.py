@@ -20,9 +20,11 @@ from sph_gym import (
     Walls,
     channel_particles,
     disc,
+    lattice,
     plate_particles,
     scenes,
     sound_speed,
+    tank_particles,
 )
 from tests.cases import WATER, scene
 
@@ -49,7 +51,7 @@ def refuses(argument, make, **arguments):
 
 
 @table(
-    ("c0", NOT_POSITIVE),
+    ("c0", [*NOT_POSITIVE, 1e-13, 1e13]),
     ("rho0", NOT_POSITIVE),
     ("gamma", [*NO_NUMBER, 0.99, -7.0]),
     ("kernel", ["gauss", "", None, 7, ["mueller"]]),
@@ -71,7 +73,7 @@ STRENGTHS = [value for value in NOT_FROM_ZERO if value is not None]
     ("tensile_correction", STRENGTHS),
     ("density_diffusion", [*STRENGTHS, 0.1]),  # by sums, no density diffuses
     ("shifting", STRENGTHS),
-    ("viscosity_form", ["mueller", "", None, 3, ["morris"]]),
+    ("viscosity_form", ["mueller", "", None, 3, ["morris"], "morris"]),  # of no viscosity
     ("continuity", [1, None, "yes", 0.0]),
     ("gravity", [9.81, (9.81,), (0, 0, -9.81), (0, math.nan), (math.inf, 0), "down", ("a", "b")]),
     ("xsph", [0.3, 1, None, "yes"]),
@@ -213,6 +215,18 @@ MOVES = Motion((1.0, 0.0))
             for name in ("period_x", "period_y")
             for wrong in ((1.0, 0.0), (0.0, 0.0), (0.0,), 1.0, "x", (0, math.inf), (0, 1, 2))
         ],
+        # what would do nothing
+        ("pressure", {"pressure": "extrapolated"}),
+        ("pressure", {"pressure": "extrapolated", "box": (0, 1, 0, 1)}),
+        ("slip", {"slip": "free-slip", "plates": [(0, 0, 1, 1)]}),
+        ("box", {"box": (0, math.inf, 0, 1), "period_x": (0, 2)}),
+        ("box", {"box": (-math.inf, math.inf, -math.inf, 1), "period_y": (0, 2)}),
+        # what would be nowhere
+        ("particles", {"particles": SPOTS, "period_x": (0.0, 1.0)}),
+        ("particles", {"particles": SPOTS, "period_x": (0.1, 2.0)}),
+        ("particles", {"particles": SPOTS, "period_y": (-1.0, 0.0)}),
+        ("plates", {"plates": [(0, 0, 1, 1), (0, 0, 1.1, 0.5)], "period_x": (0, 1)}),
+        ("plates", {"plates": [(0, 0, 1, 1), (0, 0.5, 1, -0.1)], "period_y": (0, 1)}),
     ],
     ids=str,
 )
@@ -267,8 +281,8 @@ GOOD = {"name": "two", "x": [(0.0, 0.0), (0.1, 0.0)], "dx": 0.1, "h": 0.26, "flu
         ],
     ),
     ("v", [1.0, [(0.0, 0.0)], [(0.0, 0.0)] * 3, [(0.0, 0.0), (math.nan, 0.0)], "fast"]),
-    ("dx", NOT_POSITIVE),
-    ("h", [*NOT_POSITIVE, 0.099]),
+    ("dx", [*NOT_POSITIVE, 1e-60, 1e13]),
+    ("h", [*NOT_POSITIVE, 0.099, 1e13]),
     ("fluid", [None, 10.0, {"c0": 10.0}, Fluid]),
     ("effects", [None, "xsph", {"xsph": True}]),
     ("walls", ["floor", (0.0, 1.0, 0.0, 1.0), 5]),
@@ -310,6 +324,8 @@ def test_what_goes_together():
         {"h": 0.1001, "effects": Effects(surface_tension=1.0)},
         {"walls": Walls(period_x=(0.0, 1.04))},
         {"walls": Walls(period_x=(-1.0, 0.11), period_y=(-3, 3))},
+        {"walls": Walls(box=(-math.inf, math.inf, 0, 1), period_x=(0.0, 2.0))},
+        {"walls": Walls(SPOTS, plates=[(0, 0, 2, 0)], period_x=(0.0, 2.0))},
     ):
         assert Scene(**(GOOD | changes)).integrator == "symplectic_euler"
 
@@ -326,6 +342,51 @@ def test_spacings_of_shapes(dx):
     ):
         with pytest.raises(ValueError, match="dx"):
             make()
+
+
+SHAPES = {
+    lattice: {"x_min": 0.0, "x_max": 1.0, "y_min": 0.0, "y_max": 1.0},
+    disc: {"x": 0.0, "y": 0.0, "radius": 0.5},
+    tank_particles: {"width": 1.0, "height": 1.0, "layers": 3},
+    channel_particles: {"length": 1.0, "height": 1.0, "layers": 3},
+    plate_particles: {"start": (0.0, 0.0), "end": (1.0, 0.0), "layers": 2},
+}
+FIRST_AND_LAST = ("x_min", "x_max", "y_min", "y_max", "x", "y")
+
+
+@pytest.mark.parametrize(
+    ("shape", "argument", "value"),
+    [
+        pytest.param(shape, name, value, id=f"{shape.__name__}-{name}={value}")
+        for shape, arguments in SHAPES.items()
+        for name in (*arguments, "dx")
+        for value in {
+            "layers": [*NOT_POSITIVE, 1.5],
+            "start": NO_VECTOR,
+            "end": NO_VECTOR,
+            "x_max": [*NO_NUMBER, 0.0, -1.0],
+            "y_max": [*NO_NUMBER, 0.0, -1.0],
+        }.get(name, NO_NUMBER if name in FIRST_AND_LAST else NOT_POSITIVE)
+    ],
+)
+def test_arguments_of_shapes(shape, argument, value):
+    assert len(shape(**SHAPES[shape], dx=0.1)) > 5
+    refuses(argument, shape, **(SHAPES[shape] | {"dx": 0.1} | {argument: value}))
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.__name__)
+@pytest.mark.parametrize("dx", [1e-10, 1e-60, 1e-308], ids=str)
+def test_more_particles_than_fit_are_refused(shape, dx):
+    with pytest.raises(ValueError, match=r"at most 1e.08 particles.*larger dx"):
+        shape(**SHAPES[shape], dx=dx)
+
+
+@pytest.mark.parametrize("shape", [tank_particles, channel_particles, lattice])
+def test_absurd_regions_are_refused(shape):
+    longest = {"x_max", "width", "length"} & SHAPES[shape].keys()
+    for length in (1e20, 1e300):
+        with pytest.raises(ValueError, match="larger dx"):
+            shape(**(SHAPES[shape] | dict.fromkeys(longest, length)), dx=0.1)
 
 
 def test_a_channel_continues_the_lattice_of_what_it_holds():

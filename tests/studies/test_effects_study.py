@@ -101,6 +101,20 @@ def test_variants(effect):
         assert variants.names(variants.added(without, effect), effect)
 
 
+@pytest.mark.parametrize("name", scenes.names())
+@pytest.mark.parametrize("effect", variants.EFFECTS)
+def test_any_effect_can_be_left_out_of_any_scene(name, effect):
+    scene = scenes.make(name)
+    without = variants.left_out(scene, effect)
+    assert not variants.names(without, effect)
+    ends = () if scene.walls is None else (scene.walls.period_x, scene.walls.period_y)
+    if effect == "walls" or (effect == "box" and ends and None not in ends):
+        with pytest.raises(ValueError, match="can be added"):
+            variants.added(without, effect)
+    else:
+        assert variants.names(variants.added(without, effect), effect)
+
+
 LISTING = """
 	.type	main,@function
 main:

@@ -1,5 +1,6 @@
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from sph_gym import Simulation, scenes
 from sph_gym.__main__ import main
 from sph_gym.scenes.reference import Chart, Curve, Measure, Reference
-from sph_gym.studies import run_study, validation
+from sph_gym.studies import gallery, run_study, validation
 
 QUICKLY = {"diameter": 0.3, "jitter": 0.01}
 
@@ -94,6 +95,57 @@ def test_other_sources_or_arguments_are_another_run(planted, tmp_path, monkeypat
     assert validation._key("relaxation", {"dx": 0.05}) != key
     monkeypatch.setattr(validation, "_sources", lambda: b"edited")
     assert validation._key("relaxation", {"dx": 0.08}) != key
+
+
+def test_another_compiler_numpy_or_study_is_another_run(monkeypatch):
+    key = validation._key("relaxation", {})
+    with monkeypatch.context() as patch:
+        patch.setattr(validation, "source_hash", lambda: "another numba")
+        assert validation._key("relaxation", {}) != key
+    with monkeypatch.context() as patch:
+        patch.setattr(np, "__version__", "9.9")
+        assert validation._key("relaxation", {}) != key
+    assert validation._key("relaxation", {}) == key
+    assert Path(validation.__file__).read_bytes() in validation._sources()
+
+
+def test_a_part_of_the_study_leaves_the_files_of_the_whole_alone(planted, tmp_path, monkeypatch):
+    (tmp_path / "validation").mkdir()
+    whole = [tmp_path / name for name in ("validation.csv", "validation.json")]
+    picture = tmp_path / "validation" / "relaxation.png"
+    for path in (*whole, picture):
+        path.write_text("of the whole")
+    run_study("validation", quick=True, folder=tmp_path)
+    assert picture.read_text() == "of the whole"
+    run_study("validation", folder=tmp_path, chosen=["relaxation"])
+    assert all(path.read_text() == "of the whole" for path in whole)
+    for part in ("quick", "relaxation"):
+        assert "planted error" in (tmp_path / f"validation_{part}.csv").read_text()
+        assert (tmp_path / f"validation_{part}.json").exists()
+    with pytest.raises(ValueError, match="scenes: expected one of"):
+        run_study("validation", folder=tmp_path / "new", chosen=["../relaxation"])
+    assert not (tmp_path / "new").exists()
+
+
+def result(curves, **arguments):
+    chart = Chart("x", "y", curves)
+    return validation.Result("planted", arguments, arguments["dx"], [], chart, 1.0, 1)
+
+
+def test_every_reference_is_drawn_once():
+    x = np.linspace(0.0, 1.0, 5)
+    seen, first, second = Curve("seen", x, x), Curve("a", x, x, True), Curve("b", x, 2 * x, True)
+    coarser = Curve("a", x[::2], x[::2], True)
+    for results, expected in (
+        # the last one has none of its own
+        ([result([seen, first], dx=0.1, roll=1.0), result([seen], dx=0.1)], [first]),
+        ([result([first, seen], dx=0.1, roll=1.0), result([second], dx=0.1)], [first, second]),
+        ([result([first], dx=0.1, kind="k"), result([first], dx=0.1, kind="l")], [first]),
+        # the finest is enough where only dx differs
+        ([result([coarser], dx=0.2), result([first, second], dx=0.1)], [first, second]),
+    ):
+        found = gallery._references(results)
+        assert [id(curve) for curve in found] == [id(curve) for curve in expected]
 
 
 def test_an_interrupted_study_keeps_what_is_done(planted, tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""What PPO and SAC share: environments in processes, callbacks, interruption, export."""
+"""What PPO and SAC share: environments on threads, callbacks, interruption, export."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +16,11 @@ from stable_baselines3.common.callbacks import (
     EvalCallback,
 )
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 from agents.policies import trained_network
 from sph_gym.controllers import Network
 from sph_gym.env import env_id
+from sph_gym.env.stable_baselines import TuningVecEnv
 
 HYPERPARAMS = Path(__file__).parent / "hyperparams"
 # Largest change of an action that the exported network may show against the original.
@@ -36,7 +36,7 @@ class Args:
     steps: int = 300_000
     """environment steps"""
     n_envs: int = 2
-    """environments, one process each"""
+    """environments, side by side on threads"""
     seed: int = 0
     """seed of everything"""
     output: Path = Path("runs")
@@ -77,13 +77,9 @@ def linear(start: float) -> Any:
     return lambda remaining: start * remaining
 
 
-def make_envs(args: Args) -> VecEnv:
-    """Training environments, one process each."""
-
-    def make_one() -> gym.Env[Any, Any]:
-        return Monitor(gym.make(env_id(args.scene), instances="train"))
-
-    envs = SubprocVecEnv([make_one] * args.n_envs, start_method="spawn")
+def make_envs(args: Args) -> TuningVecEnv:
+    """Training environments, side by side on threads."""
+    envs = TuningVecEnv(args.n_envs, scene=args.scene, instances="train")
     envs.seed(args.seed)
     return envs
 

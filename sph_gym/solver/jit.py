@@ -19,8 +19,9 @@ from sph_gym.solver import target
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# Everything in "fast" but nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708).
-FASTMATH = {"reassoc", "contract", "arcp", "afn", "nsz"}
+# Of "fast", not nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708), and not
+# reassoc: the last bit of a sum then depended on the function that a step is compiled into.
+FASTMATH = {"contract", "arcp", "afn", "nsz"}
 # Of LLVM: for the functions that run, and for helpers, which are optimised again inside them.
 FULL_OPT: Any = numba.config.OPT  # type: ignore[attr-defined]
 HELPER_OPT = 1

@@ -1,4 +1,4 @@
-"""Command line: `python -m sph_gym run SCENE`, `study NAME` and `docs [ID]`."""
+"""Command line: `python -m sph_gym run SCENE`, `study NAME`, `docs [ID]` and `manifest`."""
 
 import argparse
 import sys
@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m sph_gym", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="run | study | docs")
+    commands = parser.add_subparsers(required=True, metavar="run | study | docs | manifest")
     run = commands.add_parser("run", help="run a scene; log, watch or film it")
     run.set_defaults(function=_run)
     run.add_argument("scene", help=", ".join(scenes.names()))
@@ -61,6 +61,12 @@ def _parser() -> argparse.ArgumentParser:
     docs.set_defaults(function=_docs)
     docs.add_argument("id", nargs="?", help="such as sph_gym/DamBreak-v0; without: a list")
     docs.add_argument("--output", metavar="FOLDER", help="write pages there, by default of all ids")
+    manifest = commands.add_parser(
+        "manifest", help="draw the instances anew and compute their references (an hour)"
+    )
+    manifest.set_defaults(function=_manifest)
+    manifest.add_argument("--scenes", nargs="+", metavar="SCENE", help="only these environments")
+    manifest.add_argument("--output", metavar="FOLDER", help="by default, where sph_gym reads them")
     return parser
 
 
@@ -120,6 +126,15 @@ def _docs(options: argparse.Namespace) -> int:
         print(*documentation.write(options.output, chosen), sep="\n")
     else:
         print(documentation.page(options.id) if options.id else documentation.index())
+    return 0
+
+
+def _manifest(options: argparse.Namespace) -> int:
+    from sph_gym.env.manifest import FOLDER
+    from sph_gym.env.preparation import prepare
+
+    folder = Path(options.output) if options.output else FOLDER
+    print(*prepare(options.scenes, folder), sep="\n")
     return 0
 
 

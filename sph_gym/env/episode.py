@@ -76,7 +76,7 @@ class Episode:
         self.rules, self.instance_id, self.scene = rules, instance_id, scene
         self.sim = Simulation(scene, threads=threads)
         self.n_steps, self.step, self.over = n_frames(scene), 0, False
-        self.reference = reference(scene)
+        self.reference = reference(scene, instance_id)
         fluid_mass = self.sim.mass * self.sim.n_fluid
         self._judge = rewards.Judge(self.reference, scene, fluid_mass, rules.tolerances)
         self.coordinates = actions.encode(scene, self.sim.controls)

@@ -1,13 +1,15 @@
 """What a run is held against: a fine run of the same instance, its twins, and the tuned CFL rule.
 
-Everything is kept on disk under a hash of all that it depends on: the particles, the fluid, the
-effects, the solver's sources and this file.
+The references of the instances are shipped with their manifests. All others are kept on disk
+under a hash of all that they depend on: the particles, the fluid, the effects, the solver's
+sources and this file.
 """
 
 import hashlib
 import os
 import tempfile
 import warnings
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -17,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.controllers.rules import TunedCfl, from_numbers
-from sph_gym.env import actions
+from sph_gym.env import actions, manifest
 from sph_gym.solver.jit import cache_home, source_hash
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
@@ -27,6 +29,9 @@ COURANT = 0.25
 # Its twins differ in what shouldn't matter: a softer fluid, and particles off by 1 % of dx.
 TWIN_SOUND = 0.7
 TWIN_JITTER = 0.01
+# Frames over which the drift away from the reference is taken; an error over the whole past would
+# punish the rest of an episode for one bad frame.
+WINDOW = 8
 
 Floats = NDArray[np.float64]
 
@@ -48,10 +53,14 @@ class Observables(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """The fine run, its twins, and the mean substeps a frame of the tuned CFL rule."""
+    """The fine run, what its twins differ by, and the tuned CFL rule's mean substeps a frame.
+
+    spread: (n, 4) largest difference of a twin: drifts within WINDOW frames of the centre of
+    mass [m], the extent [m] and the kinetic energy [J/m], and the share of clumped particles.
+    """
 
     fine: Observables
-    twins: tuple[Observables, ...]
+    spread: Floats
     cfl_substeps: float
 
 
@@ -64,8 +73,15 @@ def n_frames(scene: Scene) -> int:
     return max(round(scene.duration / scene.frame), 1)
 
 
-def reference(scene: Scene) -> Reference:
-    """The reference of a scene, from memory, from disk, or computed now (about a second)."""
+def reference(scene: Scene, instance_id: str | None = None) -> Reference:
+    """The reference of a scene: shipped, from memory, from disk, or computed (about a second).
+
+    instance_id: under which a manifest may have it. Raises RuntimeError if the scene isn't stable
+    at its own nominal stiffness.
+    """
+    shipped = None if instance_id is None else _shipped(scene, instance_id)
+    if shipped is not None:
+        return shipped
     key = _key(scene)
     if key not in _KEPT:
         path = cache_home() / "references" / f"{key}.npz"
@@ -79,6 +95,23 @@ def reference(scene: Scene) -> Reference:
     return _KEPT[key]
 
 
+def _shipped(scene: Scene, instance_id: str) -> Reference | None:
+    """What a manifest has for exactly this scene: dx may be another one, or a builder changed."""
+    flows = manifest.load(instance_id.split("/")[0])
+    if flows is None or instance_id not in flows.entries:
+        return None
+    if flows.entries[instance_id].fingerprint != fingerprint(scene):
+        return None
+    return _from_arrays(flows.arrays(instance_id))
+
+
+def fingerprint(scene: Scene) -> str:
+    """A hash of what a scene shows, whatever its name, and whatever the machine rounds."""
+    digest = hashlib.sha256()
+    _add_to(digest, replace(scene, name="scene"), digits=9)
+    return digest.hexdigest()[:16]
+
+
 def _key(scene: Scene) -> str:
     digest = hashlib.sha256(source_hash().encode() + Path(__file__).read_bytes())
     digest.update(repr((actions.COURANT, actions.SOUND, actions.XSPH)).encode())
@@ -88,17 +121,27 @@ def _key(scene: Scene) -> str:
     return digest.hexdigest()[:32]
 
 
-def _add_to(digest: Any, value: Any) -> None:
-    """Everything in nested dataclasses, tuples and arrays, whose repr may leave numbers out."""
+def _add_to(digest: Any, value: Any, digits: int | None = None) -> None:
+    """Everything in nested dataclasses, tuples and arrays, whose repr may leave numbers out.
+
+    digits: how many of a number count, None for all.
+    """
     digest.update(type(value).__name__.encode())
     if is_dataclass(value):
         for field in fields(value):
-            _add_to(digest, getattr(value, field.name))
+            _add_to(digest, getattr(value, field.name), digits)
     elif isinstance(value, (tuple, list)):
         for part in value:
-            _add_to(digest, part)
+            _add_to(digest, part, digits)
     elif isinstance(value, np.ndarray):
+        if digits is not None:
+            scale = float(np.abs(value).max(initial=0.0)) or 1.0
+            _add_to(digest, scale, digits)
+            # no negative zeros
+            value = np.round(value / scale, digits) + 0.0
         digest.update(repr((value.dtype, value.shape)).encode() + value.tobytes())
+    elif isinstance(value, float) and digits is not None:
+        digest.update(f"{value:.{digits}g}".encode())
     else:
         digest.update(repr(value).encode())
 
@@ -112,7 +155,28 @@ def _compute(scene: Scene) -> Reference:
         fine = pool.submit(_run, scene, 1.0)
         twins = [pool.submit(_run, scene, TWIN_SOUND), pool.submit(_run, jittered, 1.0)]
         cfl = pool.submit(_cfl_substeps, scene)
-        return Reference(fine.result(), tuple(twin.result() for twin in twins), cfl.result())
+        runs = [run.result() for run in (fine, *twins)]
+        return Reference(runs[0], spread(runs[0], runs[1:]), cfl.result())
+
+
+def spread(fine: Observables, twins: Sequence[Observables]) -> Floats:
+    """(n, 4) how far equally good runs are from the fine one; see `Reference`."""
+    largest = np.zeros((len(fine.kinetic), 4))
+    for twin in twins:
+        gaps = (
+            np.hypot(*_drift(twin.com - fine.com).T),
+            np.hypot(*_drift(twin.extent - fine.extent).T),
+            np.abs(_drift(twin.kinetic - fine.kinetic)),
+            np.abs(twin.clumping - fine.clumping),
+        )
+        largest = np.maximum(largest, np.stack(gaps, axis=-1))
+    return largest
+
+
+def _drift(error: Floats) -> Floats:
+    """error(t) - error(t - WINDOW), with error(0) before the start."""
+    then = np.maximum(np.arange(len(error)) - WINDOW, 0)
+    return error - error[then]
 
 
 def _run(scene: Scene, sound: float) -> Observables:
@@ -161,14 +225,23 @@ def _cfl_substeps(scene: Scene) -> float:
     raise RuntimeError(f"{scene.name}: the CFL rule blew up even at a Courant multiple of 0.25")
 
 
+def as_arrays(stored: Reference) -> dict[str, Any]:
+    """A reference as arrays by name."""
+    fine, widths, substeps = stored
+    return {**fine._asdict(), "spread": widths, "cfl_substeps": substeps}
+
+
+def _from_arrays(arrays: Mapping[str, Any]) -> Reference:
+    fine = Observables(*(arrays[name] for name in Observables._fields))
+    return Reference(fine, arrays["spread"], float(arrays["cfl_substeps"]))
+
+
 def _read(path: Path) -> Reference | None:
     """A stored reference; None if there is none or it can't be read, for it can be recomputed."""
     try:
         # opened here, since np.load leaves a torn file open
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            runs = [Observables(*(data[f"{name}{k}"] for name in Observables._fields))
-                    for k in range(3)]  # fmt: skip
-            return Reference(runs[0], tuple(runs[1:]), float(data["cfl_substeps"]))
+            return _from_arrays(data)
     except (OSError, ValueError, KeyError, EOFError):
         return None
     except Exception as error:  # zipfile.BadZipFile and what else a torn file can raise
@@ -178,15 +251,10 @@ def _read(path: Path) -> Reference | None:
 
 def _write(path: Path, stored: Reference) -> None:
     """Store atomically, so that two processes may do it at once."""
-    arrays = {
-        f"{name}{k}": array
-        for k, run in enumerate((stored.fine, *stored.twins))
-        for name, array in run._asdict().items()
-    }
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-            np.savez_compressed(file, cfl_substeps=stored.cfl_substeps, **arrays)
+            np.savez_compressed(file, **as_arrays(stored))
         os.replace(file.name, path)
     except OSError as error:
         warnings.warn(f"the reference can't be kept on disk: {error}", stacklevel=2)

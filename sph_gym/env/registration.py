@@ -2,9 +2,9 @@
 
 import gymnasium as gym
 
-from sph_gym.env.instances import NOMINAL_DX
+from sph_gym.env.draws import FAMILIES
 
-SCENES = tuple(NOMINAL_DX)
+SCENES = tuple(FAMILIES)
 VERSION = "v0"
 # What became of the environments, the newest first.
 HISTORY = {"v0": "first version"}

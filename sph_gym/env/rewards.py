@@ -12,9 +12,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sph_gym.env.reference import Reference
+from sph_gym.env.reference import WINDOW, Reference
 from sph_gym.solver.checks import number, positive
 from sph_gym.solver.scene import Scene
 
@@ -28,9 +27,6 @@ MEANINGS = {
 TERMS = tuple(MEANINGS)
 WORST = 1.5
 WORK_RANGE = math.log(64)
-# Steps over which the drift away from the reference is taken; an error over the whole past would
-# punish the rest of an episode for one bad frame.
-WINDOW = 8
 
 
 class Tolerances(NamedTuple):
@@ -82,18 +78,9 @@ class Judge:
         whole = fluid_mass * (scene.fluid.c0 / 10) ** 2 / 2
         kinetic = max(t.kinetic_drift * float(fine.kinetic.max()), t.kinetic_floor * whole)
         base = (t.com_drift * scene.dx, t.extent_drift * scene.dx, kinetic)
-        spread = np.zeros((len(fine.kinetic), 4))
-        for twin in reference.twins:
-            gaps = (
-                np.hypot(*_drift(twin.com - fine.com).T),
-                np.hypot(*_drift(twin.extent - fine.extent).T),
-                np.abs(_drift(twin.kinetic - fine.kinetic)),
-                np.abs(twin.clumping - fine.clumping),
-            )
-            spread = np.maximum(spread, np.stack(gaps, axis=-1))
-        self._limits = (np.array(base) + t.spread * spread[:, :3]).tolist()
+        self._limits = (np.array(base) + t.spread * reference.spread[:, :3]).tolist()
         self._clumping = np.stack(
-            [fine.clumping, t.clumping + t.spread * spread[:, 3]], axis=-1
+            [fine.clumping, t.clumping + t.spread * reference.spread[:, 3]], axis=-1
         ).tolist()
         self.past: list[Place] = [(0.0, 0.0, 0.0, 0.0, 0.0)]
 
@@ -121,12 +108,6 @@ class Judge:
                 abs(now[4] - then[4]) / kinetic,
             ),
         )
-
-
-def _drift(error: NDArray[np.float64]) -> NDArray[np.float64]:
-    """error(t) - error(t - WINDOW), with error(0) before the start."""
-    then = np.maximum(np.arange(len(error)) - WINDOW, 0)
-    return error - error[then]
 
 
 def check_weights(weights: Mapping[str, float] | None) -> dict[str, float]:

@@ -7,6 +7,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from sph_gym.env import actions, instances, observations, rewards
+from sph_gym.env.draws import FAMILIES
 from sph_gym.env.episode import Rules
 from sph_gym.solver.checks import in_range, known, positive
 from sph_gym.solver.scene import Scene
@@ -52,7 +53,7 @@ class Settings:
             return
         if dx is not None:
             positive("dx", dx)
-        self._scenes = tuple(instances.NOMINAL_DX) if scene == MIXED else (scene,)
+        self._scenes = tuple(FAMILIES) if scene == MIXED else (scene,)
         instances.instance(self._scenes[0], split, 0, dx)
 
     # --- instances --------------------------------------------------------------------------

@@ -33,7 +33,8 @@ def test_dam_breaks_vary_in_size_ratio_and_gravity():
 
 
 @pytest.mark.parametrize(
-    "id_", ["dam_break/train/64", "dam_break/train", "dam_break/future/0", "lake/train/0", "", None]
+    "id_",
+    ["dam_break/train/256", "dam_break/train", "dam_break/future/0", "lake/train/0", "", None],
 )
 def test_ids_that_do_not_exist_are_refused(id_):
     with pytest.raises(ValueError, match="expected"):

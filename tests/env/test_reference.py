@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sph_gym import scenes
+from sph_gym.env import instances
 from sph_gym.env import reference as module
-from sph_gym.env.reference import n_frames, reference
+from sph_gym.env.reference import fingerprint, n_frames, reference
 
 SCENE = scenes.make("relaxation", dx=0.1)
 
@@ -17,10 +20,9 @@ def store(tmp_path, monkeypatch):
 
 
 def equal(a, b):
-    return all(
+    return a.cfl_substeps == b.cfl_substeps and all(
         np.array_equal(left, right)
-        for one, other in zip((a.fine, *a.twins), (b.fine, *b.twins), strict=True)
-        for left, right in zip(one, other, strict=True)
+        for left, right in zip((*a.fine, a.spread), (*b.fine, b.spread), strict=True)
     )
 
 
@@ -63,3 +65,23 @@ def test_the_key_knows_every_part_of_the_scene():
     ]
     keys = {module._key(scene) for scene in [SCENE, *others]}
     assert len(keys) == len(others) + 1
+
+
+def test_a_fingerprint_sees_the_flow_and_not_its_name_or_rounding():
+    x = np.asarray(SCENE.x)
+    same = replace(SCENE, name="other", x=x * (1 + 1e-15))
+    assert fingerprint(same) == fingerprint(SCENE)
+    moved = replace(SCENE, x=x + np.eye(len(x), 2) * 1e-6)
+    stiff = replace(SCENE, fluid=replace(SCENE.fluid, c0=1.001 * SCENE.fluid.c0))
+    assert len({fingerprint(scene) for scene in (SCENE, moved, stiff)}) == 3
+
+
+def test_shipped_references_serve_only_the_scene_that_they_belong_to(store, monkeypatch):
+    monkeypatch.setattr(module, "_compute", lambda scene: pytest.fail("computed, not shipped"))
+    instance = instances.parse("hydrostatic_tank/val/3")
+    assert len(reference(instance.build(), instance.id).fine.kinetic) > 10
+    monkeypatch.setattr(module, "_compute", lambda scene: "computed")
+    monkeypatch.setattr(module, "_write", lambda path, stored: None)
+    other = instances.parse("hydrostatic_tank/val/3", dx=0.05)
+    assert reference(other.build(), other.id) == "computed"
+    assert reference(SCENE, "nowhere/custom/0") == "computed"

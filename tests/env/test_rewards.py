@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from sph_gym import scenes
 from sph_gym.env import rewards
-from sph_gym.env.reference import Observables, Reference
+from sph_gym.env.reference import WINDOW, Observables, Reference, spread
 from sph_gym.env.rewards import Errors, Judge, Tolerances
 
 SCENE = scenes.make("relaxation", dx=0.05)
@@ -21,7 +21,7 @@ def run(com=0.0, kinetic=1.0):
 
 
 def judge(*twins):
-    return Judge(Reference(run(), twins, 5.0), SCENE, 1e-9, Tolerances())
+    return Judge(Reference(run(), spread(run(), twins), 5.0), SCENE, 1e-9, Tolerances())
 
 
 def numbers(**changes):
@@ -61,7 +61,7 @@ def test_one_bad_frame_is_forgiven_after_the_window():
     off = numbers(com_x=3 * SCENE.dx)
     errors = [watch.errors(frame, off).fidelity for frame in range(1, N)]
     assert errors[0] == pytest.approx(3.0)
-    assert errors[rewards.WINDOW] == pytest.approx(0.0)
+    assert errors[WINDOW] == pytest.approx(0.0)
 
 
 def test_the_spread_of_equally_fine_references_widens_the_tolerance():
@@ -72,7 +72,7 @@ def test_the_spread_of_equally_fine_references_widens_the_tolerance():
 
 def test_clumping_counts_only_beyond_the_reference():
     lumpy = run()._replace(clumping=np.full(N + 1, 0.3))
-    watch = Judge(Reference(lumpy, (), 5.0), SCENE, 1e-9, Tolerances())
+    watch = Judge(Reference(lumpy, spread(lumpy, ()), 5.0), SCENE, 1e-9, Tolerances())
     assert watch.errors(1, numbers(clumping=0.3)).clumping == 0.0
     assert watch.errors(2, numbers(clumping=0.45)).clumping == pytest.approx(1.0)
 

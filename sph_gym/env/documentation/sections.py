@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 from sph_gym import scenes
 from sph_gym.env import actions, episode, instances, observations, rewards, settings
 from sph_gym.env.documentation.markdown import listed, prose, span, table
-from sph_gym.env.reference import TWIN_SOUND, n_frames
+from sph_gym.env.draws import FAMILIES
+from sph_gym.env.reference import TWIN_SOUND, WINDOW, n_frames
 from sph_gym.env.registration import HISTORY
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.env.vector import TuningVectorEnv
@@ -166,7 +167,7 @@ def _rewards(about: Subject) -> str:
             table(["Term", "What for"], rewards.MEANINGS.items()),
             "For example:",
             table(["e", "work", "reward"], examples),
-            f"Tolerances, WINDOW = {rewards.WINDOW}:",
+            f"Tolerances, WINDOW = {WINDOW}:",
             table(
                 ["Tolerance", "Default", "Of what"],
                 [(f"`{name}`", defaults[name], what) for name, what in tolerances.items()],
@@ -209,20 +210,25 @@ def _starting_state(about: Subject) -> str:
 
 
 def _drawn(name: str) -> list[list[str]]:
-    """Smallest and largest value of every argument in every set, and what follows from them."""
-    columns = []
+    """Smallest and largest value of every argument in every set, and what follows from them.
+
+    Of the flows that are shown by another scene, only the latter.
+    """
+    columns, builder = [], FAMILIES[name].builder
+    usual = scenes.parameters(builder)
     for split, size in instances.SIZES.items():
-        made = [instances.instance(name, split, k).arguments for k in range(size)]
+        drawn = [instances.instance(name, split, k).drawn for k in range(size)]
+        made = [usual | one.arguments for one in drawn if one.builder == builder]
         built = _built(name, split)
         columns.append(
-            {key: [{**scenes.parameters(name), **one}[key] for one in made]
-             for key in scenes.parameters(name)}
+            {key: [one[key] for one in made] for key in usual}
             | {
+                "viscosity / (h c0)": [one.viscosity or 0.0 for one in drawn],
                 "fluid particles": [len(scene.x) for scene in built],
                 "duration [s]": [scene.duration for scene in built],
                 "steps": [n_frames(scene) for scene in built],
             }
-        )  # fmt: skip
+        )
     return [[key, *(span(column[key]) for column in columns)] for key in columns[0]]
 
 

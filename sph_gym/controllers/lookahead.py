@@ -1,5 +1,6 @@
 """Beam search over snapshots: what the best sequence of settings would have been."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -62,11 +63,27 @@ def _follow(
 def _best(
     branches: list[Branch[State, Move]], width: int, same: Callable[[State], Any]
 ) -> list[Branch[State, Move]]:
-    """The `width` branches that earned most, one of each kind, best first."""
+    """The `width` branches that earned most, one of each kind, best first.
+
+    At most half of them are siblings, unless there is nobody else: what earns most now may be a
+    dead end, with all that grew beside it.
+    """
     kept: dict[Any, Branch[State, Move]] = {}
+    spare: dict[Any, Branch[State, Move]] = {}
+    siblings = Counter[tuple[Move, ...]]()
     # a stable sort: of equals, the one that was tried first
     for branch in sorted(branches, key=lambda branch: -branch.earned):
-        kept.setdefault(same(branch.state), branch)
+        parent, kind = branch.moves[:-1], same(branch.state)
+        if kind in kept:
+            continue
+        if siblings[parent] < max(width // 2, 1):
+            siblings[parent] += 1
+            kept[kind] = branch
+        else:
+            spare.setdefault(kind, branch)
         if len(kept) == width:
             break
-    return list(kept.values())
+    for kind, branch in spare.items():
+        if len(kept) < width:
+            kept.setdefault(kind, branch)
+    return sorted(kept.values(), key=lambda branch: -branch.earned)

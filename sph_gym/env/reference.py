@@ -124,12 +124,16 @@ def _key(scene: Scene) -> str:
 def _add_to(digest: Any, value: Any, digits: int | None = None) -> None:
     """Everything in nested dataclasses, tuples and arrays, whose repr may leave numbers out.
 
-    digits: how many of a number count, None for all.
+    digits: how many of a number count, None for all. What is absent isn't part of it, so that a
+    new effect changes no hash of a scene without it.
     """
     digest.update(type(value).__name__.encode())
     if is_dataclass(value):
         for field in fields(value):
-            _add_to(digest, getattr(value, field.name), digits)
+            part = getattr(value, field.name)
+            if part is not None and part is not False:
+                digest.update(field.name.encode())
+                _add_to(digest, part, digits)
     elif isinstance(value, (tuple, list)):
         for part in value:
             _add_to(digest, part, digits)

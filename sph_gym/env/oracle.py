@@ -26,7 +26,7 @@ class Search(NamedTuple):
     of c0; xsph: epsilons that are tried; near: how far around the present one, in coordinates.
     """
 
-    width: int = 4
+    width: int = 8
     hold: int = 2
     horizon: int | None = None
     courant: tuple[float, ...] = (0.75, 1.0)
@@ -109,7 +109,7 @@ class Oracle:
         """Coordinates to try: as it is, a little to every side, and settings anywhere."""
         search, here = self.search, state["coordinates"]
         tried = [here]
-        for axis, way in itertools.product((0, 1), (-search.near, search.near)):
+        for axis, way in itertools.product((0, 1, 2), (-search.near, search.near)):
             tried.append(here + way * np.eye(3)[axis])
         for courant, sound in itertools.product(search.courant, search.sound):
             tried.append(np.append(actions.locate(courant, sound, 0.0)[:2], here[2]))

@@ -136,15 +136,17 @@ def headroom(contests: list[Contest]) -> float:
 
 
 def losses(contests: list[Contest]) -> dict[str, float]:
-    """What the oracle's mean reward loses if it may not touch one of the controls.
+    """What the best known mean reward loses if one of the controls may not be touched.
 
-    A beam can miss the static setting, which keeps that control too: the better of the two counts.
+    A beam can miss what another one finds: whoever keeps a control as it should be kept, the
+    static setting too, counts for those who may not touch it, and everybody for the best.
     """
     lost: dict[str, list[float]] = {name: [] for name in CONTROLS}
     for one in contests:
+        static = -math.inf if one.static is None else one.static.reward
+        best = max(static, one.oracle.reward, *(frozen.reward for frozen in one.frozen))
         for name, frozen in zip(CONTROLS, one.frozen, strict=False):
-            known = -math.inf if one.static is None else one.static.reward
-            lost[name].append(one.oracle.reward - max(frozen.reward, known))
+            lost[name].append(best - max(frozen.reward, static))
     return {name: float(np.mean(values)) for name, values in lost.items() if values}
 
 

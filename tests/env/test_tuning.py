@@ -142,12 +142,28 @@ def test_options_choose_the_instance(env):
         env.reset(options={"instance": "dam_break/val/300"})
 
 
-@pytest.mark.parametrize("action", [[np.nan] * 3, [2.0, 0, 0], [0.0], "fast", None])
+@pytest.mark.parametrize(
+    "action",
+    [
+        [np.nan] * 3, [2.0, 0, 0], [0.0], [[0.0] * 3], [0.0, [1.0], 0.0], "fast", None, {},
+        ["0", "0", "0"], [True] * 3, [1j, 0, 0], [10**400, 0, 0],
+    ],
+    ids=str,
+)  # fmt: skip
 def test_wrong_actions_are_refused_and_nothing_moves(env, action):
     env.reset(seed=0)
     with pytest.raises(ValueError, match="action: expected"):
         env.step(action)
     assert env.sim.time == 0.0
+
+
+@pytest.mark.parametrize("choice", [-1, 27, 10**400, 3.0, "3", None, [3], True, np.zeros(1, int)])
+def test_wrong_choices_are_refused_and_nothing_moves(choice):
+    made = sph_gym.TuningEnv("dam_break", **COARSE, action_mode="discrete")
+    made.reset(seed=0)
+    with pytest.raises(ValueError, match="action: expected"):
+        made.step(choice)
+    assert made.sim.time == 0.0
 
 
 def test_step_and_render_before_reset_are_refused():

@@ -1,12 +1,10 @@
 import copy
 import pickle
-import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from gymnasium.utils.env_checker import check_env
 
 import sph_gym
 from sph_gym import scenes
@@ -37,27 +35,6 @@ def rollout(env, seed, n_steps=30):
         if terminated or truncated:
             break
     return trace
-
-
-@pytest.mark.parametrize("id_", IDS)
-@pytest.mark.parametrize(
-    "arguments",
-    [{}, {"instances": "train", "action_mode": "delta"}, {"action_mode": "discrete"}],
-    ids=str,
-)
-def test_gymnasium_and_sb3_have_no_complaints(id_, arguments):
-    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
-    env = gym.make(id_, **COARSE, **arguments).unwrapped
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(env, skip_render_check=True)
-        sb3.check_env(env)
-
-
-def test_render_modes_pass_the_checker(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = gym.make("sph_gym/DamBreak-v0", render_mode="rgb_array", **COARSE).unwrapped
-    check_env(env)
 
 
 @pytest.mark.parametrize("id_", IDS)

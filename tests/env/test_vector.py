@@ -112,7 +112,7 @@ def test_wrong_actions_move_nobody():
         envs.step(actions)
     assert [env.sim.time for env in envs.unwrapped.envs] == [0.0] * 3
     for wrong in (actions[:2], None, 0.0, "abc"):
-        with pytest.raises(ValueError, match="actions?: expected"):
+        with pytest.raises(ValueError, match="expected"):
             envs.step(wrong)
 
 

@@ -10,6 +10,7 @@ The seconds of dt follow from the multiple and the stiffness chosen with it.
 """
 
 import math
+import operator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,14 +101,26 @@ def _value(position: float, low: float, high: float) -> float:
 
 def _box_action(action: Any) -> Coordinates:
     try:
-        numbers = np.asarray(action, dtype=np.float64)
+        numbers = np.asarray(action)
     except (TypeError, ValueError):
-        numbers = np.array(np.nan)
-    if numbers.shape != (3,) or not np.isfinite(numbers).all() or (np.abs(numbers) > 1).any():
+        numbers = np.array(None)
+    # texts and booleans that numpy would take for numbers are none
+    usable = numbers.shape == (3,) and numbers.dtype.kind in "fiu"
+    if not usable or not (np.abs(numbers) <= 1).all():
         raise ValueError(
             f"action: expected 3 finite numbers in [-1, 1] ({', '.join(NAMES)}), got {action!r}"
         )
-    return numbers
+    return numbers.astype(np.float64)
+
+
+def _choice(action: Any) -> int:
+    try:
+        number = -1 if isinstance(action, bool) else operator.index(action)
+    except TypeError:
+        number = -1
+    if not 0 <= number < 27:
+        raise ValueError(f"action: expected an integer from 0 to 26, got {action!r}")
+    return number
 
 
 class Absolute:
@@ -151,9 +164,7 @@ class Discrete:
 
     def act(self, action: Any, present: Coordinates) -> Coordinates:
         """The coordinates that the action asks for."""
-        if not self.space().contains(np.int64(action) if isinstance(action, int) else action):
-            raise ValueError(f"action: expected an integer from 0 to 26, got {action!r}")
-        moves = np.array(np.unravel_index(int(action), (3, 3, 3))) - 1
+        moves = np.array(np.unravel_index(_choice(action), (3, 3, 3))) - 1
         return np.clip(present + STEP * moves, -1.0, 1.0)
 
     def masks(self, present: Coordinates) -> NDArray[np.bool_]:

@@ -152,6 +152,10 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
             self._window.close()
             self._window = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        # pictures can't be copied; they are made anew when they are needed
+        return self.__dict__ | {"_painter": None, "_window": None}
+
     # --- the present episode ----------------------------------------------------------------
 
     @property

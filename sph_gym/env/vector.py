@@ -143,9 +143,14 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self, actions: NDArray[Any]
     ) -> tuple[list[Any], NDArray[np.bool_], NDArray[np.bool_], list[Any], list[Any]]:
         """`step`, but with a list of infos, and one of last observations and infos or None."""
-        given = list(iterate(self.action_space, actions))
+        try:
+            given = list(iterate(self.action_space, actions))
+        except TypeError:
+            raise ValueError(
+                f"actions: expected {self.num_envs} of them, got {actions!r}"
+            ) from None
         if len(given) != self.num_envs:
-            raise ValueError(f"actions: expected {self.num_envs} of them, got {len(given)}")
+            raise ValueError(f"actions: expected {self.num_envs} of them, got {actions!r}")
         if self.autoreset_mode == AutoresetMode.DISABLED and self._over.any():
             raise ResetNeeded(f"episodes {np.flatnonzero(self._over)} are over: reset them first")
         waiting = self._over & (self.autoreset_mode == AutoresetMode.NEXT_STEP)

@@ -1,12 +1,10 @@
 import copy
 import pickle
-import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from gymnasium.utils.env_checker import check_env
 
 import sph_gym
 from sph_gym import scenes
@@ -37,27 +35,6 @@ def rollout(env, seed, n_steps=30):
         if terminated or truncated:
             break
     return trace
-
-
-@pytest.mark.parametrize("id_", IDS)
-@pytest.mark.parametrize(
-    "arguments",
-    [{}, {"instances": "train", "action_mode": "delta"}, {"action_mode": "discrete"}],
-    ids=str,
-)
-def test_gymnasium_and_sb3_have_no_complaints(id_, arguments):
-    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
-    env = gym.make(id_, **COARSE, **arguments).unwrapped
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(env, skip_render_check=True)
-        sb3.check_env(env)
-
-
-def test_render_modes_pass_the_checker(monkeypatch):
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = gym.make("sph_gym/DamBreak-v0", render_mode="rgb_array", **COARSE).unwrapped
-    check_env(env)
 
 
 @pytest.mark.parametrize("id_", IDS)
@@ -142,12 +119,28 @@ def test_options_choose_the_instance(env):
         env.reset(options={"instance": "dam_break/val/300"})
 
 
-@pytest.mark.parametrize("action", [[np.nan] * 3, [2.0, 0, 0], [0.0], "fast", None])
+@pytest.mark.parametrize(
+    "action",
+    [
+        [np.nan] * 3, [2.0, 0, 0], [0.0], [[0.0] * 3], [0.0, [1.0], 0.0], "fast", None, {},
+        ["0", "0", "0"], [True] * 3, [1j, 0, 0], [10**400, 0, 0],
+    ],
+    ids=str,
+)  # fmt: skip
 def test_wrong_actions_are_refused_and_nothing_moves(env, action):
     env.reset(seed=0)
     with pytest.raises(ValueError, match="action: expected"):
         env.step(action)
     assert env.sim.time == 0.0
+
+
+@pytest.mark.parametrize("choice", [-1, 27, 10**400, 3.0, "3", None, [3], True, np.zeros(1, int)])
+def test_wrong_choices_are_refused_and_nothing_moves(choice):
+    made = sph_gym.TuningEnv("dam_break", **COARSE, action_mode="discrete")
+    made.reset(seed=0)
+    with pytest.raises(ValueError, match="action: expected"):
+        made.step(choice)
+    assert made.sim.time == 0.0
 
 
 def test_step_and_render_before_reset_are_refused():

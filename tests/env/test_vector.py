@@ -111,8 +111,9 @@ def test_wrong_actions_move_nobody():
     with pytest.raises(ValueError, match="action: expected"):
         envs.step(actions)
     assert [env.sim.time for env in envs.unwrapped.envs] == [0.0] * 3
-    with pytest.raises(ValueError, match="actions"):
-        envs.step(actions[:2])
+    for wrong in (actions[:2], None, 0.0, "abc"):
+        with pytest.raises(ValueError, match="expected"):
+            envs.step(wrong)
 
 
 def test_pictures_of_all():

@@ -1,0 +1,180 @@
+"""Every id and every kind of argument keeps the contracts of Gymnasium and Stable-Baselines3."""
+
+import copy
+import itertools
+import pickle
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+
+from sph_gym import scenes
+from sph_gym.env import SCENES, env_id
+from sph_gym.env.vector import TuningVectorEnv
+
+CUSTOM = env_id("custom")
+FACTORS = {
+    "id": [*map(env_id, SCENES), env_id("mixed"), CUSTOM],
+    "action_mode": ["absolute", "delta", "discrete"],
+    "render_mode": [None, "rgb_array", "human"],
+    "on_blowup": ["terminate", "rollback"],
+    "observation": ["features", "field"],
+    "reward": ["scalar", "vector"],
+    "rate_limit": [None, 2.0],
+    "instances": ["nominal", "val"],
+    "reward_weights": [None, {"work": 2.0, "blowup": 0.1}],
+    "tolerances": [None, {"com_drift": 2.0}],
+    "dx": [0.06, 0.08],
+}
+
+
+def pairwise(factors):
+    """Few combinations, among which are all pairs of values of any two factors; greedily."""
+    names = list(factors)
+    todo = {
+        ((one, a), (other, b))
+        for one, other in itertools.combinations(names, 2)
+        for a in range(len(factors[one]))
+        for b in range(len(factors[other]))
+    }
+    while todo:
+        row = dict(min(todo))
+        for name in names:
+            if name in row:
+                continue
+            news = [len(pairs({**row, name: k}, names) & todo) for k in range(len(factors[name]))]
+            row[name] = int(np.argmax(news))
+        todo -= pairs(row, names)
+        yield {name: factors[name][k] for name, k in row.items()}
+
+
+def pairs(row, names):
+    return set(itertools.combinations([(name, row[name]) for name in names if name in row], 2))
+
+
+ROWS = list(pairwise(FACTORS))
+
+
+def make(row):
+    row = dict(row)
+    id_ = row.pop("id")
+    if id_ == CUSTOM:
+        dx = row.pop("dx")
+        row = {"scene": scenes.make("drop_impact", dx=dx), **row, "instances": "nominal"}
+    return gym.make(id_, **row).unwrapped
+
+
+def test_all_pairs_are_there():
+    assert len(ROWS) < 60
+    for one, other in itertools.combinations(FACTORS, 2):
+        found = {(str(row[one]), str(row[other])) for row in ROWS}
+        assert len(found) == len(FACTORS[one]) * len(FACTORS[other])
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: "-".join(map(str, row.values())))
+def test_gymnasium_and_sb3_have_no_complaints(row, monkeypatch):
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = make(row)
+    if row["reward"] == "vector":
+        # neither knows vectors: as somebody would who weighs the terms
+        step = env.step
+        monkeypatch.setattr(env, "step", lambda action: summed(*step(action)), raising=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # what is rendered doesn't depend on the rest, and opening windows takes time
+        check_env(env, skip_render_check=row["render_mode"] is None)
+        sb3.check_env(env, skip_render_check=True)
+    env.close()
+
+
+def summed(observation, reward, *rest):
+    assert reward.dtype == np.float32
+    return observation, float(reward.sum()), *rest
+
+
+# --- Copies ---------------------------------------------------------------------------------
+
+COPIED = [
+    {"on_blowup": "rollback", "render_mode": "rgb_array"},
+    {"action_mode": "delta", "observation": "field", "reward": "vector"},
+    {"action_mode": "discrete", "rate_limit": 2.0, "render_mode": "human"},
+]
+
+
+def play(env, n_steps):
+    """Everything that is returned, across resets."""
+    trace = []
+    for _ in range(n_steps):
+        result = env.step(env.action_space.sample())
+        trace.append(result)
+        if isinstance(env, gym.Env) and (result[2] or result[3]):
+            trace.append(env.reset())
+    return trace
+
+
+def assert_same(one, other):
+    assert type(one) is type(other)
+    if isinstance(one, dict):
+        assert set(one) == set(other)
+        for key in one:
+            assert_same(one[key], other[key])
+    elif isinstance(one, (list, tuple)):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            assert_same(a, b)
+    elif isinstance(one, np.ndarray) and one.dtype == object:
+        assert_same(one.tolist(), other.tolist())
+    else:
+        assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("arguments", COPIED, ids=str)
+def test_a_copy_in_mid_episode_goes_on_alike(arguments, copied, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = make({"id": "sph_gym/Mixed-v0", "dx": 0.08, **arguments})
+    env.reset(seed=2)
+    env.action_space.seed(3)
+    play(env, 7)
+    env.render()
+    twin = copied(env)
+    # far enough for the generators to have drawn another scene
+    assert_same(play(env, 150), play(twin, 150))
+    for one in (env, twin):
+        one.render()
+        one.close()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_of_a_vector_goes_on_alike(copied):
+    envs = TuningVectorEnv(2, scene="drop_impact", dx=0.08, max_episode_steps=9)
+    envs.reset(seed=2)
+    envs.action_space.seed(3)
+    play(envs, 4)
+    twin = copied(envs)
+    assert_same(play(envs, 12), play(twin, 12))
+
+
+# --- Processes ------------------------------------------------------------------------------
+
+
+def one_of_many():
+    return gym.make("sph_gym/Mixed-v0", dx=0.08, action_mode="delta", max_episode_steps=12)
+
+
+@pytest.mark.parametrize("context", ["spawn", "forkserver"])
+def test_processes_of_their_own_change_nothing(context):
+    ours = SyncVectorEnv([one_of_many] * 2)
+    theirs = AsyncVectorEnv([one_of_many] * 2, context=context)
+    try:
+        assert_same(ours.reset(seed=5), theirs.reset(seed=5))
+        ours.action_space.seed(1)
+        for _ in range(30):
+            actions = ours.action_space.sample()
+            assert_same(ours.step(actions), theirs.step(actions))
+    finally:
+        theirs.close()

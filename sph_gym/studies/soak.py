@@ -20,7 +20,8 @@ import numpy as np
 from gymnasium import spaces
 
 from sph_gym import scenes
-from sph_gym.env import SCENES, env_id, instances
+from sph_gym.env import SCENES, env_id
+from sph_gym.env.draws import FAMILIES
 from sph_gym.solver.scene import Scene
 from sph_gym.studies.episodes import kept
 from sph_gym.studies.policies import POLICIES, Push
@@ -99,7 +100,7 @@ def own_scene(dx: float = 0.06) -> Scene:
 
 def make(chunk: Chunk) -> Any:
     """The environment of a chunk, single or vector."""
-    spacings = {env_id(scene): dx for scene, dx in instances.NOMINAL_DX.items()}
+    spacings = {env_id(scene): family.dx for scene, family in FAMILIES.items()}
     dx = chunk.coarser * spacings.get(chunk.id, OTHER_DX)
     own: dict[str, Any] = {"scene": own_scene(dx)} if chunk.id == env_id("custom") else {"dx": dx}
     if chunk.coarser == 1.0 and chunk.id == env_id("mixed"):

@@ -86,6 +86,14 @@ AGENTS: dict[str, Agent] = {
         "a small neural network that looks at the flow in every frame, trained on training "
         "instances by the soft actor-critic method.",
     ),
+    "dqn": Agent(
+        "DQN",
+        "#A0522D",
+        "h",
+        (0, (4, 1, 1, 1)),
+        "a small neural network that values 27 small changes of the settings in every frame, "
+        "trained on training instances by deep Q-learning.",
+    ),
 }
 
 

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.controllers import ArticleCfl, Controller, Network, Static, TunedCfl, nominal
+from sph_gym.env.actions import Discrete
 from sph_gym.env.oracle import Oracle
 
 # (environment, observation) -> action
 Policy = Callable[[gym.Env[Any, Any], NDArray[np.float32]], Any]
 
 TRAINED = Path(__file__).parent / "trained"
-LEARNED = ("ppo", "sac")
+LEARNED = ("ppo", "sac", "dqn")
 NAMES = ("random", "default", "cfl", "tuned_cfl", "grid_search", "lookahead", *LEARNED)
 
 
@@ -53,12 +54,24 @@ def build(spec: Spec, seed: int) -> Policy:
     if spec.name == "lookahead":
         return Oracle()
     if spec.name in LEARNED and spec.network is not None:
-        network = Network.load(spec.network)
-        return lambda env, observation: network(observation)
+        return _learned(Network.load(spec.network))
     if spec.name == "random":
         rng = np.random.default_rng(seed)
         return lambda env, observation: rng.uniform(-1, 1, 3).astype(np.float32)
     raise ValueError(f"agent: expected one of {', '.join(NAMES)} with its settings, got {spec}")
+
+
+def _learned(network: Network) -> Policy:
+    if network.squash != "none":
+        return lambda env, observation: network(observation)
+
+    def act(env: gym.Env[Any, Any], observation: NDArray[np.float32]) -> Any:
+        # the values of the discrete actions, in an environment of absolute ones
+        tuning: Any = env.unwrapped
+        choice = int(network(observation).argmax())
+        return Discrete().act(choice, tuning.episode.coordinates).astype(np.float32)
+
+    return act
 
 
 def _follow(controller: Controller) -> Policy:

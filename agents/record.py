@@ -19,7 +19,7 @@ class Args:
     scene: str = "dam_break"
     """scene of the environment"""
     agent: str = "tuned_cfl"
-    """random, default, cfl, tuned_cfl, grid_search (with its settings), ppo or sac"""
+    """random, default, cfl, tuned_cfl, grid_search (with its settings), ppo, sac or dqn"""
     episodes: int = 8
     """how many, each on an instance of its own"""
     instances: str = "train"
@@ -27,7 +27,7 @@ class Args:
     settings: tuple[float, float, float] | None = None
     """of grid_search: Courant multiple, sound speed / c0, xsph"""
     network: str | None = None
-    """of ppo and sac: file of the exported network, by default the one that is shipped"""
+    """of ppo, sac and dqn: file of the exported network, by default the one that is shipped"""
     seed: int = 0
     """of the first episode; the next ones count on"""
 

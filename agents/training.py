@@ -1,4 +1,4 @@
-"""What PPO and SAC share: environments on threads, callbacks, interruption, export."""
+"""What PPO, SAC and DQN share: environments on threads, callbacks, interruption, export."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium as gym
 import torch
 import yaml
-from stable_baselines3 import PPO, SAC
+from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import (
     BaseCallback,
@@ -25,6 +25,8 @@ from sph_gym.env.stable_baselines import TuningVecEnv
 HYPERPARAMS = Path(__file__).parent / "hyperparams"
 # Largest change of an action that the exported network may show against the original.
 EXPORT_TOLERANCE = 1e-5
+# Algorithms that choose between actions.
+CHOOSING = ("dqn",)
 
 
 @dataclass
@@ -77,9 +79,16 @@ def linear(start: float) -> Any:
     return lambda remaining: start * remaining
 
 
-def make_envs(args: Args) -> TuningVecEnv:
+def action_mode(algorithm: str) -> str:
+    """The kind of actions that an algorithm can learn."""
+    return "discrete" if algorithm in CHOOSING else "absolute"
+
+
+def make_envs(algorithm: str, args: Args) -> TuningVecEnv:
     """Training environments, side by side on threads."""
-    envs = TuningVecEnv(args.n_envs, scene=args.scene, instances="train")
+    envs = TuningVecEnv(
+        args.n_envs, scene=args.scene, instances="train", action_mode=action_mode(algorithm)
+    )
     envs.seed(args.seed)
     return envs
 
@@ -101,7 +110,7 @@ def callbacks(algorithm: str, args: Args) -> BaseCallback:
     """Checkpoints, and evaluation on the validation instances with the best model kept."""
     path = folder(algorithm, args)
     every = max(args.evaluate_every // args.n_envs, 1)
-    one = gym.make(env_id(args.scene), instances="val")
+    one = gym.make(env_id(args.scene), instances="val", action_mode=action_mode(algorithm))
     validation = Monitor(ValidationEnv(one, args.scene, args.n_evaluations))
     return CallbackList(
         [
@@ -121,11 +130,11 @@ def callbacks(algorithm: str, args: Args) -> BaseCallback:
 def train(kind: type[BaseAlgorithm], algorithm: str, args: Args) -> None:
     """Train a stable-baselines3 algorithm, with everything it leaves behind in its folder.
 
-    kind: PPO or SAC; algorithm: the name of its YAML file and of its folder.
+    kind: PPO, SAC or DQN; algorithm: the name of its YAML file and of its folder.
     """
     # the networks are small, and the processes of the environments want the cores
     torch.set_num_threads(1)
-    path, envs = folder(algorithm, args), make_envs(args)
+    path, envs = folder(algorithm, args), make_envs(algorithm, args)
     if args.resume:
         model = kind.load(newest_checkpoint(path), env=envs, device="cpu")
     else:
@@ -170,7 +179,10 @@ def learn(model: BaseAlgorithm, algorithm: str, args: Args) -> None:
 
 
 def export(model: BaseAlgorithm) -> Network:
-    """The deterministic policy of a PPO or SAC model as a plain network, checked against it."""
+    """The deterministic policy of a model as a plain network, checked against it.
+
+    Of DQN that is the network of the values; whoever uses it chooses the largest.
+    """
     if isinstance(model, PPO):
         policy: Any = model.policy
         layers = [*policy.mlp_extractor.policy_net, policy.action_net]
@@ -179,8 +191,10 @@ def export(model: BaseAlgorithm) -> Network:
         actor: Any = model.actor
         layers = [*actor.latent_pi, actor.mu]
         squash = "tanh"
+    elif isinstance(model, DQN):
+        layers, squash = [*model.q_net.q_net], "none"
     else:
-        raise ValueError(f"model: expected PPO or SAC, got {type(model).__name__}")
+        raise ValueError(f"model: expected PPO, SAC or DQN, got {type(model).__name__}")
     linears = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
     smooth = any(isinstance(layer, torch.nn.Tanh) for layer in layers)
     network = Network(
@@ -198,6 +212,9 @@ def _check_export(model: BaseAlgorithm, network: Network) -> None:
     for _ in range(20):
         observation = model.observation_space.sample()
         wanted, _ = model.predict(observation, deterministic=True)
-        difference = abs(wanted - network(observation)).max()
+        found: Any = network(observation)
+        if network.squash == "none":
+            found = found.argmax()
+        difference = abs(wanted - found).max()
         if difference > EXPORT_TOLERANCE:
             raise RuntimeError(f"the exported network is off by {difference:g}")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-SQUASH = ("clip", "tanh")
+SQUASH = ("clip", "tanh", "none")
 Floats = NDArray[np.float32]
 
 
@@ -16,7 +16,8 @@ class Network:
     """A multilayer perceptron with tanh or relu units.
 
     weights, biases: one (n_out, n_in) and (n_out,) array a layer; activation: "tanh" or "relu"
-    between layers; squash: how the last layer becomes an action in [-1, 1], "clip" or "tanh".
+    between layers; squash: how the last layer becomes an action in [-1, 1], "clip" or "tanh", or
+    "none" if it holds the values of discrete actions.
     """
 
     weights: tuple[Floats, ...]
@@ -25,12 +26,14 @@ class Network:
     squash: str
 
     def __call__(self, observation: Floats) -> Floats:
-        """The action (3,) for an observation (n,)."""
+        """The action (3,) for an observation (n,), or the values of the discrete ones (27,)."""
         x = np.asarray(observation, dtype=np.float32)
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             x = weight @ x + bias
             if k + 1 < len(self.weights):
                 x = np.tanh(x) if self.activation == "tanh" else np.maximum(x, 0.0)
+        if self.squash == "none":
+            return x
         return np.tanh(x) if self.squash == "tanh" else np.clip(x, -1.0, 1.0)
 
     def save(self, path: str | Path) -> None:

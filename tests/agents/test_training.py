@@ -1,14 +1,15 @@
 """Training in miniature: it runs, exports what it learned, and goes on from a checkpoint."""
 
-import numpy as np
+import gymnasium as gym
 import pytest
 
 pytest.importorskip("stable_baselines3")
 
-from stable_baselines3 import PPO, SAC
+from stable_baselines3 import DQN, PPO, SAC
 
 from agents import training
-from sph_gym.controllers import Network
+from agents.policies import Spec, build
+from sph_gym.env import env_id
 
 
 @pytest.fixture
@@ -16,6 +17,7 @@ def small(monkeypatch):
     settings = {
         "ppo": {"n_steps": 32, "batch_size": 32, "n_epochs": 1},
         "sac": {"learning_starts": 20, "batch_size": 16, "buffer_size": 200},
+        "dqn": {"learning_starts": 20, "batch_size": 16, "buffer_size": 200},
     }
     common = {"learning_rate": 1e-3, "policy_kwargs": {"net_arch": [8]}}
 
@@ -25,7 +27,7 @@ def small(monkeypatch):
     monkeypatch.setattr(training, "hyperparameters", look_up)
 
 
-@pytest.mark.parametrize(("algorithm", "kind"), [("ppo", PPO), ("sac", SAC)])
+@pytest.mark.parametrize(("algorithm", "kind"), [("ppo", PPO), ("sac", SAC), ("dqn", DQN)])
 @pytest.mark.filterwarnings("ignore:Training and eval env are not of the same type")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore:rich is experimental")
@@ -35,8 +37,10 @@ def test_train_export_resume(tmp_path, small, algorithm, kind):
     )
     training.train(kind, algorithm, arguments)
     path = tmp_path / f"{algorithm}_relaxation"
-    action = Network.load(path / "network.npz")(np.zeros(20, np.float32))
-    assert np.abs(action).max() <= 1
+    env = gym.make(env_id("relaxation"), dx=0.1)
+    observation, _ = env.reset(seed=0)
+    policy = build(Spec(algorithm, network=str(path / "network.npz")), seed=0)
+    assert env.action_space.contains(policy(env, observation))
     arguments.steps, arguments.resume = 96, True
     training.train(kind, algorithm, arguments)
     assert training.newest_checkpoint(path).exists()
@@ -48,7 +52,7 @@ def test_nothing_to_resume_is_said(tmp_path):
         training.newest_checkpoint(tmp_path)
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "dqn"])
 def test_hyperparameters_fall_back_to_the_default(algorithm):
     named = training.hyperparameters(algorithm, "dam_break")
     assert set(training.hyperparameters(algorithm, "relaxation")) == set(named)

@@ -130,18 +130,19 @@ def _settings(env: TuningEnv, n: int, grid: Grid) -> list[Point]:
 
 
 @cache
-def _sources() -> bytes:
-    """All that an episode depends on."""
-    root = Path(sph_gym.__file__).parent
-    parts = ("solver", "scenes", "env", "controllers")
-    paths = [path for part in parts for path in sorted((root / part).glob("*.py"))]
-    paths.append(Path(__file__))
-    return b"".join(path.read_bytes() for path in paths)
+def _sources() -> str:
+    """A hash of all that an episode depends on."""
+    root, digest = Path(sph_gym.__file__).parent, hashlib.sha256()
+    for part in ("solver/*.py", "scenes/*.py", "env/*.py", "controllers/*.py", "env/manifests/*"):
+        for path in sorted(root.glob(part)):
+            digest.update(path.read_bytes())
+    digest.update(Path(__file__).read_bytes())
+    return digest.hexdigest()
 
 
 def kept(folder: Path, key: Any, compute: Callable[[], Any]) -> Any:
     """What `compute` returns, as JSON from the folder if these sources have computed it before."""
-    digest = hashlib.sha256(_sources() + json.dumps(key).encode()).hexdigest()[:24]
+    digest = hashlib.sha256((_sources() + json.dumps(key)).encode()).hexdigest()[:24]
     path = folder / f"{digest}.json"
     if path.exists():
         return json.loads(path.read_text())["result"]

@@ -1,7 +1,8 @@
 """Instances: which flow an episode shows. Finite numbered sets, listed in manifests.
 
-An id such as "dam_break/train/17" names scene, split and number. Manifests say what it means at
-the default spacing; at any other, the number alone decides the draw.
+An id such as "dam_break/train/17" names scene, split and number; manifests say what it means. At
+another spacing than the usual one it is "dam_break/train/17/dx=0.05", and the number alone decides
+the draw.
 """
 
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 from sph_gym import scenes
 from sph_gym.env import manifest
 from sph_gym.env.draws import FAMILIES, Drawn, draw
-from sph_gym.solver.checks import known
+from sph_gym.solver.checks import known, positive
 from sph_gym.solver.scene import Scene
 
 SIZES = {"nominal": 1, "train": 256, "val": 16, "test": 32, "ood": 16}
@@ -33,6 +34,10 @@ DIAGNOSTIC = {
     "hydrostatic_tank": "the water is at rest: the softest fluid and the longest step win",
     "relaxation": "the blob is at rest: the energy of its jitter depends on the stiffness",
 }
+
+
+# What stands before the spacing in an id.
+SPACING = "dx="
 
 
 class Instance(NamedTuple):
@@ -75,16 +80,30 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
             f"instance: expected a number from 0 to {size - 1} in {split!r}, got {number}"
         )
     id_, usual = f"{scene}/{split}/{number}", FAMILIES[scene].dx
-    if dx is None or dx == usual:
-        entry = manifest.entry(id_)
-        if entry is not None:
-            return Instance(id_, entry.drawn)
-    return Instance(id_, draw(scene, split, number, usual if dx is None else dx))
+    if dx is not None and dx != usual:
+        return Instance(f"{id_}/{SPACING}{dx!r}", draw(scene, split, number, dx))
+    entry = manifest.entry(id_)
+    return Instance(id_, draw(scene, split, number, usual) if entry is None else entry.drawn)
 
 
 def parse(id_: str, dx: float | None = None) -> Instance:
-    """The instance of an id. Raises ValueError if there is none."""
-    scene, split, number, *more = [*str(id_).split("/"), "", ""]
-    if not number.isdecimal() or any(more):
-        raise ValueError(f"instance: expected an id such as 'dam_break/train/17', got {id_!r}")
+    """The instance of an id, whose own spacing is used if it names one, else dx.
+
+    Raises ValueError if there is none.
+    """
+    scene, split, number, spacing, *more = [*str(id_).split("/"), "", "", ""]
+    if not number.isdecimal() or any(more) or not (spacing or SPACING).startswith(SPACING):
+        raise _no_id(id_)
+    if spacing:
+        try:
+            dx = positive("dx", float(spacing.removeprefix(SPACING)))
+        except ValueError:
+            raise _no_id(id_) from None
     return instance(scene, split, int(number), dx)
+
+
+def _no_id(id_: Any) -> ValueError:
+    return ValueError(
+        f"instance: expected an id such as 'dam_break/train/17' or 'dam_break/train/17/dx=0.05', "
+        f"got {id_!r}"
+    )

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from sph_gym.env import SCENES, instances
+from sph_gym.env.draws import FAMILIES
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -15,6 +16,15 @@ def test_every_instance_makes_a_scene(scene, split):
 
 def test_an_id_always_means_the_same_flow():
     assert instances.parse("drop_impact/train/7") == instances.instance("drop_impact", "train", 7)
+
+
+def test_an_id_says_everything_at_other_spacings_too():
+    made = instances.instance("drop_impact", "train", 7, dx=0.05)
+    assert made.id == "drop_impact/train/7/dx=0.05"
+    assert instances.parse(made.id) == made
+    assert instances.parse(made.id, dx=0.04) == made
+    usual = FAMILIES["drop_impact"].dx
+    assert instances.parse("drop_impact/train/7", dx=usual).id == "drop_impact/train/7"
 
 
 def test_splits_and_numbers_differ():

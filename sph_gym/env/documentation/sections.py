@@ -196,9 +196,11 @@ def _starting_state(about: Subject) -> str:
         return f"{start}\n\nThere is one instance, your scene; its id is `NAME/custom/0`."
     choice = prose("""
         `instances=` names the set from which a reset draws with the environment's own generator;
-        `reset(options={"instance": "SCENE/SET/NUMBER"})` chooses. A number means the same flow
-        everywhere. Lengths are drawn in multiples of dx: the ranges below are those of the
-        default dx.
+        `reset(options={"instance": "SCENE/SET/NUMBER"})` chooses, and `info["instance_id"]`
+        says which it is: listed in a versioned manifest, with its reference, or at another
+        spacing than the default one `SCENE/SET/NUMBER/dx=SPACING`. Lengths are drawn in
+        multiples of dx: the ranges below are those of the default dx; what "ood" shows by
+        another scene is in none of them but the last three.
     """)
     sizes = [(f'`"{split}"`', size, instances.PURPOSES[split])
              for split, size in instances.SIZES.items()]  # fmt: skip

@@ -84,6 +84,10 @@ def test_values_in_the_text_are_those_of_the_code():
     assert paid["0.5", "1"] == 0.5
 
 
+def test_a_page_tells_of_the_scene_that_shows_the_environment():
+    assert "`shaken_tank`: A tank that is shaken" in section("sph_gym/Sloshing-v0", "Description")
+
+
 def test_ranges_are_those_of_the_instances():
     shown = {row[0]: row for row in rows(section("sph_gym/DamBreak-v0", "Starting State"))}
     drawn = [instances.instance("dam_break", "test", k).arguments["gravity"] for k in range(32)]

@@ -39,7 +39,7 @@ class Subject(NamedTuple):
             return "A `Scene` of your own, given as `scene=`."
         if self.scene == settings.MIXED:
             return f"Every reset draws one of the scenes {', '.join(self.scenes)}."
-        return scenes.description(self.scene)[0]
+        return scenes.description(FAMILIES[self.scene].builder)[0]
 
 
 def head(about: Subject) -> str:
@@ -62,7 +62,8 @@ def _description(about: Subject) -> str:
     """)
     parts = [about.summary, general]
     for name in about.scenes:
-        parts.append(f"`{name}`: {scenes.description(name)[1]}")
+        builder = FAMILIES[name].builder
+        parts.append(f"`{builder}`: {scenes.description(builder)[1]}")
     return "\n\n".join(parts)
 
 

@@ -108,6 +108,10 @@ class Engine:
         """What two simulations must share to run the same machine code."""
         return str((self.dtype, _structure(self.world), _structure(self.model)))
 
+    def __getstate__(self) -> dict[str, Any]:
+        # records hold addresses of arrays, and a copy has arrays of its own
+        return self.__dict__ | {"_records": {}}
+
     def set_controls(self, controls: Controls) -> None:
         """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
         self.model = with_controls(self.model, self._scene, controls, self.dtype)

@@ -151,7 +151,7 @@ class Survey(NamedTuple):
     extent_y: float
 
 
-@jit
+@jitable
 def survey(
     fluid, walls, lists, constants, h2, ax, ay, gx, gy, com_x, com_y, clumped, inv_rho0, work,
     numbers,

@@ -355,9 +355,10 @@ class Simulation:
         substeps from the start to it; time_to_failure [s].
         """
         totals, scene = self._totals, self.scene
-        self.evaluate()
         gravity = scene.effects.gravity_at(self.time)
-        survey = self.engine.survey(self._acceleration, gravity, totals[2:4], scene.dx)
+        survey, self._acceleration = self.engine.survey(
+            self._acceleration, self.time, gravity, totals[2:4], scene.dx
+        )
         return {
             "time": self.time,
             "density_error": totals.compression,

@@ -13,7 +13,7 @@ import numpy as np
 from sph_gym.controllers import TunedCfl
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.env.vector import TuningVectorEnv
-from sph_gym.solver import diagnostics, stepping, teams
+from sph_gym.solver import stepping, teams
 from sph_gym.studies.table import Row
 from sph_gym.studies.timing import clocked, in_turns, own_clock, pinned
 
@@ -45,6 +45,7 @@ class Track:
     """
 
     def __init__(self, scene: str, dx: float, plan: Plan) -> None:
+        self.scene, self.dx = scene, dx
         self.env, rule = TuningEnv(scene, dx=dx), TunedCfl()
         self.env.reset(seed=0)
         self.actions: list[Any] = []
@@ -78,27 +79,24 @@ class Track:
         return clocked(run, *([clock] if clock else [])) / (n_envs * len(actions))
 
 
-def measure(plan: Plan) -> Iterator[Row]:
-    """All rows."""
-    for scene, *spacings in plan.spacings:
-        for dx in spacings:
-            large = dx == min(spacings)
-            track = Track(scene, dx, plan)
-            yield from python(track, plan, PYTHON if large else None)
-            if large:
-                yield from side_by_side(track, plan)
+def measure(plan: Plan, scene: str, coarse: float, fine: float) -> Iterator[Row]:
+    """All rows of a scene at two spacings [m]; the finer one has bounds."""
+    yield from python(Track(scene, coarse, plan), plan, None)
+    track = Track(scene, fine, plan)
+    yield from python(track, plan, PYTHON)
+    yield from side_by_side(track, plan)
 
 
 def _case(track: Track) -> str:
     sim = track.env.sim
-    return f"{sim.scene.name}, {sim.n_fluid} + {sim.n_particles - sim.n_fluid} walls"
+    return f"{track.scene}, {sim.n_fluid} + {sim.n_particles - sim.n_fluid} walls"
 
 
 def side_by_side(track: Track, plan: Plan) -> Iterator[Row]:
     """Env steps a second of one environment, and of a vector on one thread and on two."""
     counts = [1, 2] if teams.most_threads() > 1 else [1]
-    scene, dx = track.env.sim.scene.name, track.env.sim.scene.dx
-    vectors = [TuningVectorEnv(plan.n_envs, threads, scene=scene, dx=dx) for threads in counts]
+    arguments: dict[str, Any] = {"scene": track.scene, "dx": track.dx}
+    vectors = [TuningVectorEnv(plan.n_envs, threads, **arguments) for threads in counts]
     for envs in vectors:
         envs.reset(seed=0)
     runs: list[Callable[[], float]] = [track.one]
@@ -116,18 +114,14 @@ def side_by_side(track: Track, plan: Plan) -> Iterator[Row]:
 
 # --- Python ---------------------------------------------------------------------------------
 
-COMPILED = (
-    (stepping, "advance"),
-    (stepping, "evaluate_acceleration"),
-    (stepping, "renew_pressures"),
-    (diagnostics, "survey"),
-)
+# Of `sph_gym.solver.stepping`, in the order in which a step calls them.
+COMPILED = ("renew_pressures", "advance", "examine")
 
 
 @contextmanager
 def spent(clock: Callable[[], float]) -> Iterator[dict[str, float]]:
     """Seconds in each compiled function that a step calls, while this is entered."""
-    seconds = {name: 0.0 for _, name in COMPILED}
+    seconds = dict.fromkeys(COMPILED, 0.0)
 
     def timed(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
@@ -138,14 +132,14 @@ def spent(clock: Callable[[], float]) -> Iterator[dict[str, float]]:
 
         return call
 
-    usual = [(module, name, getattr(module, name)) for module, name in COMPILED]
-    for module, name, function in usual:
-        setattr(module, name, timed(name, function))
+    usual = {name: getattr(stepping, name) for name in COMPILED}
+    for name, function in usual.items():
+        setattr(stepping, name, timed(name, function))
     try:
         yield seconds
     finally:
-        for module, name, function in usual:
-            setattr(module, name, function)
+        for name, function in usual.items():
+            setattr(stepping, name, function)
 
 
 def python(track: Track, plan: Plan, bound: float | None) -> Iterator[Row]:

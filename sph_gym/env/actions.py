@@ -24,6 +24,7 @@ from sph_gym.solver.state import Controls
 COURANT = (0.2, 1.25)
 SOUND = (0.1, 1.25)
 XSPH = (0.0, 0.6)
+LOG_COURANT, LOG_SOUND = ((math.log(low), math.log(high)) for low, high in (COURANT, SOUND))
 # Largest change of a coordinate in one step of the modes "delta" and "discrete".
 STEP = 0.25
 
@@ -69,8 +70,8 @@ def encode(scene: Scene, controls: Controls) -> Coordinates:
 def locate(courant: float, sound: float, xsph: float) -> Coordinates:
     """Coordinates of a multiple dt c / h, a multiple of c0 and epsilon, cut off at -1 and 1."""
     numbers = (
-        _position(math.log(courant), *map(math.log, COURANT)),
-        _position(math.log(sound), *map(math.log, SOUND)),
+        _position(math.log(courant), *LOG_COURANT),
+        _position(math.log(sound), *LOG_SOUND),
         _position(xsph, *XSPH),
     )
     return np.array([min(max(number, -1.0), 1.0) for number in numbers])
@@ -78,8 +79,8 @@ def locate(courant: float, sound: float, xsph: float) -> Coordinates:
 
 def decode(scene: Scene, coordinates: Coordinates) -> Controls:
     """Controls at coordinates in [-1, 1]^3."""
-    courant = math.exp(_value(coordinates[0], *map(math.log, COURANT)))
-    c = scene.fluid.c0 * math.exp(_value(coordinates[1], *map(math.log, SOUND)))
+    courant = math.exp(_value(coordinates[0], *LOG_COURANT))
+    c = scene.fluid.c0 * math.exp(_value(coordinates[1], *LOG_SOUND))
     return Controls(courant * scene.h / c, scene.fluid.stiffness(c), _value(coordinates[2], *XSPH))
 
 

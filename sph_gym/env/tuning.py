@@ -101,7 +101,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
 
     def step(self, action: Any) -> tuple[NDArray[Any], Any, bool, bool, dict[str, Any]]:
         """One frame of physical time with the controls that the action asks for."""
-        self.check(action)
+        self._require_episode()
         self.begin_step(action)
         result = self.end_step(self.sim.advance(self.episode.scene.frame))
         if self.render_mode == "human":
@@ -110,12 +110,15 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
 
     def check(self, action: Any) -> None:
         """Raises ResetNeeded if there is no episode to go on with, ValueError for no action."""
+        self._require_episode()
+        self.episode.check(action)
+
+    def _require_episode(self) -> None:
         if self._episode is None or self._episode.over:
             raise ResetNeeded("the episode is over (or has not begun): call reset() first")
-        self._episode.check(action)
 
     def begin_step(self, action: Any) -> None:
-        """The part of a step before the solver runs."""
+        """The part of a step before the solver runs. Raises ValueError for what is no action."""
         self.episode.act(action)
 
     def end_step(self, report: Report) -> tuple[NDArray[Any], Any, bool, bool, dict[str, Any]]:

@@ -157,14 +157,11 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         playing = [k for k in range(self.num_envs) if not waiting[k]]
         for k in playing:
             self.envs[k].check(given[k])
-        for k in playing:
-            self.envs[k].begin_step(given[k])
         infos: list[Any] = [None] * self.num_envs
         finals: list[Any] = [None] * self.num_envs
         terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
         rewards: list[Any] = [self.envs[0].settings.reward_of([0.0] * 5)] * self.num_envs
-        for k, report in zip(playing, self._advance(playing), strict=True):
-            outcome = self.envs[k].end_step(report)
+        for k, outcome in zip(playing, self._run(playing, given), strict=True):
             self.observations[k], rewards[k], terminated[k], truncated[k], infos[k] = outcome
             self._elapsed[k] += 1
             if self.max_episode_steps is not None and self._elapsed[k] >= self.max_episode_steps:
@@ -177,6 +174,12 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
                 finals[k] = self.observations[k], infos[k]
                 infos[k] = self._reset(k)
         return rewards, terminated, truncated, infos, finals
+
+    def _run(self, playing: Sequence[int], given: Sequence[Any]) -> list[Any]:
+        for k in playing:
+            self.envs[k].begin_step(given[k])
+        reports = zip(playing, self._advance(playing), strict=True)
+        return [self.envs[k].end_step(report) for k, report in reports]
 
     def _advance(self, playing: Sequence[int]) -> Iterator[Report]:
         """Reports in the order of `playing`; those with the same frame go together."""

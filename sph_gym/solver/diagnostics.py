@@ -81,7 +81,7 @@ def sum_up(fluid, walls, extrapolation, eos, sums):
 def totals(sums, mass) -> Totals:
     """What `sum_up` found, with units."""
     scales = (mass, mass, 1.0, 1.0, mass, mass, mass, 1.0, 1.0)
-    return Totals(*(float(number) * scale for number, scale in zip(sums, scales, strict=True)))
+    return Totals(*(sums * scales).tolist())
 
 
 @jitable
@@ -151,7 +151,7 @@ class Survey(NamedTuple):
     extent_y: float
 
 
-@jit
+@jitable
 def survey(
     fluid, walls, lists, constants, h2, ax, ay, gx, gy, com_x, com_y, clumped, inv_rho0, work,
     numbers,

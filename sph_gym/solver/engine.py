@@ -108,6 +108,10 @@ class Engine:
         """What two simulations must share to run the same machine code."""
         return str((self.dtype, _structure(self.world), _structure(self.model)))
 
+    def __getstate__(self) -> dict[str, Any]:
+        # records hold addresses of arrays, and a copy has arrays of its own
+        return self.__dict__ | {"_records": {}}
+
     def set_controls(self, controls: Controls) -> None:
         """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
         self.model = with_controls(self.model, self._scene, controls, self.dtype)
@@ -184,7 +188,10 @@ class Engine:
     def follow_stiffness(self, time: float) -> None:
         """Bring pressures, and what depends on them, up to date with the present controls."""
         if self.model.extrapolation is None and self.model.halves is None:
-            stepping.renew_pressures(self.world, self.model)
+            world, model = self.world, self.model
+            stepping.renew_pressures(
+                world.fluid, world.walls, model.extrapolation, model.eos, world.totals
+            )
         else:
             # extrapolated pressures and kept rates follow the whole chain
             self.renew(time)
@@ -251,20 +258,24 @@ class Engine:
         )
         return nearest[:n].astype(np.float64), count[:n].astype(np.int32)
 
-    def survey(self, acceleration: Any, gravity: Any, com: Any, dx: float) -> diagnostics.Survey:
-        """A look at every particle; acceleration: what `accelerations` gave; gravity [m/s^2]; com:
-        centre of mass [m].
+    def survey(
+        self, acceleration: Any, time: float, gravity: Any, com: Any, dx: float
+    ) -> tuple[diagnostics.Survey, tuple[NDArray[Any], NDArray[Any]]]:
+        """A look at every particle, and what `accelerations` gives.
+
+        acceleration: the latter, or None if that isn't known; gravity [m/s^2]; com: centre of
+        mass [m].
         """
-        n = len(self.fluid.id)
+        n, stale = len(self.fluid.id), acceleration is None
+        ax, ay = (column(n, self.dtype), column(n, self.dtype)) if stale else acceleration
         if self._work is None:
             self._work = np.stack([column(n, self.dtype), column(n, self.dtype)])
         numbers, clumped = np.zeros(len(diagnostics.Survey._fields)), diagnostics.CLUMPED * dx
-        diagnostics.survey(
-            self.fluid, self.walls, self.world.lists, self.model.constants, self.model.kernel.h2,
-            acceleration[0], acceleration[1], gravity[0], gravity[1], com[0], com[1], clumped,
-            float(self.model.eos.inv_rho0), self._work, numbers,
+        stepping.examine(
+            self.fluid, self.walls, self.world.lists, self.model, stale, float(time), ax, ay,
+            gravity[0], gravity[1], com[0], com[1], clumped, self._work, numbers,
         )  # fmt: skip
-        return diagnostics.Survey(*numbers.tolist())
+        return diagnostics.Survey(*numbers.tolist()), (ax[:n], ay[:n])
 
     # --- the state --------------------------------------------------------------------------
 

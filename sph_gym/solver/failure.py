@@ -1,5 +1,7 @@
 """The tripwire's verdict: in which link of the chain a run broke, at which particle, and why."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sph_gym.solver.kernels import ALL_KERNELS, density_kernel
@@ -7,12 +9,25 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Floats, Particles
 from sph_gym.solver.walls import make_period, nearest_image
 
+CAUSES = ("cfl", "stiffness", "clumping", "tunnelling", "energy", "nan")
 # Beyond this multiple of h/c symplectic Euler amplifies the shortest waves.
 LINEAR_COURANT = 0.9
 # And beyond this multiple of the viscous limit the shortest shear waves.
 LINEAR_VISCOUS = 1.16
 # Closer than this share of dx, two particles are one; so close to a wall particle, one is inside.
 MERGED, INSIDE = 0.05, 0.4
+
+
+class Onset(NamedTuple):
+    """When and why a run last broke; all are -1 if it hasn't.
+
+    cause: its place in CAUSES; substep: substeps from the start, the one that failed included;
+    time: [s] of the last whole state.
+    """
+
+    cause: float = -1.0
+    substep: float = -1.0
+    time: float = -1.0
 
 
 def broken_link(

@@ -162,6 +162,10 @@ class Gravity(_Field):
         """See `UniformField`."""
         return UniformField(self.x, self.y, 1 / self.ramp if self.ramp > 0 else 0.0)
 
+    def at(self, time: float) -> Array:
+        """(2,) the part that is the same everywhere: all of it [m/s^2]."""
+        return super().at(time) if self.ramp > 0 else self.lasting()
+
     def lasting(self) -> Array:
         """The vector, once the ramp is over."""
         return np.array([self.x, self.y])

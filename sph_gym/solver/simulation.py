@@ -84,6 +84,7 @@ class Simulation:
         self._totals = self._sum()
         self._ledger = diagnostics.Ledger(self._totals, *self._energy_scales())
         self._power = self._gravity_power()
+        self._substeps, self._onset = 0.0, failure.Onset()
         self._nominal_dt()
 
     def _default_threads(self) -> int:
@@ -247,6 +248,8 @@ class Simulation:
         nearest = float(np.sqrt(engine.nearest_and_count()[0].min())) / self.scene.dx
         cause = failure.cause(self.scene, report.dt, self.sound_speed, link, nearest)
         index = int(engine.fluid.id[place])
+        number = float(failure.CAUSES.index(cause))
+        self._onset = failure.Onset(number, self._substeps, self.time)
         return Report(report.n_substeps, report.dt, True, cause, link, index)
 
     # --- evaluation -------------------------------------------------------------------------
@@ -347,12 +350,15 @@ class Simulation:
         mass [m]; extent_x, extent_y: standard deviations of x and y [m]; lowest: smallest y [m];
         front: largest x [m]; adrift: share of particles with |a - g| < 0.1 g, 0 without
         gravity; momentum_x, momentum_y [kg/s]; angular_momentum [kg m/s]; max_speed [m/s];
-        max_acceleration [m/s^2]; mach: max_speed / c; courant: dt c / h.
+        max_acceleration [m/s^2]; mach: max_speed / c; courant: dt c / h; and of the last blow-up,
+        -1 if there was none: blowup_cause, its place in `failure.CAUSES`; blowup_substep,
+        substeps from the start to it; time_to_failure [s].
         """
         totals, scene = self._totals, self.scene
-        self.evaluate()
         gravity = scene.effects.gravity_at(self.time)
-        survey = self.engine.survey(self._acceleration, gravity, totals[2:4], scene.dx)
+        survey, self._acceleration = self.engine.survey(
+            self._acceleration, self.time, gravity, totals[2:4], scene.dx
+        )
         return {
             "time": self.time,
             "density_error": totals.compression,
@@ -363,7 +369,7 @@ class Simulation:
             "median_spacing": survey.median / scene.dx,
             "mean_neighbors": survey.neighbors,
             "kinetic_energy": totals.kinetic,
-            "potential_energy": self._potential_energy(),
+            "potential_energy": self._potential_energy(gravity),
             "internal_energy": totals.internal,
             "energy_excess": self._ledger.excess(totals),
             "com_x": totals.com_x,
@@ -380,16 +386,18 @@ class Simulation:
             "max_acceleration": math.sqrt(survey.acceleration),
             "mach": totals.max_speed / self.sound_speed,
             "courant": self._controls.dt * self.sound_speed / scene.h,
+            "blowup_cause": self._onset.cause,
+            "blowup_substep": self._onset.substep,
+            "time_to_failure": self._onset.time,
         }
 
-    def _potential_energy(self) -> float:
-        """[J/m] in the uniform part of gravity, or in a central field."""
+    def _potential_energy(self, gravity: Array) -> float:
+        """[J/m] in the uniform part of gravity (2,) [m/s^2], or in a central field."""
         field, n = self.scene.effects.field, self.n_fluid
         if isinstance(field, CentralGravity):
             r2 = ((self.x[:n].astype(np.float64) - (field.x, field.y)) ** 2).sum()
             return 0.5 * self.mass * field.omega**2 * float(r2)
-        g = self.scene.effects.gravity_at(self.time)
-        return -self.mass * n * float(g @ self._totals[2:4])
+        return -self.mass * n * float(gravity @ self._totals[2:4])
 
     # --- snapshots --------------------------------------------------------------------------
 
@@ -403,6 +411,8 @@ class Simulation:
             "ledger": self._ledger.state(),
             "power": self._power,
             "totals": tuple(self._totals),
+            "substeps": self._substeps,
+            "onset": tuple(self._onset),
         }
 
     def restore(self, snapshot: dict[str, Any]) -> None:
@@ -416,6 +426,7 @@ class Simulation:
             power, clock = float(snapshot["power"]), float(snapshot["clock"])
             time, controls = float(snapshot["time"]), check_controls(snapshot["controls"])
             numbers, totals = snapshot["ledger"], diagnostics.Totals(*snapshot["totals"])
+            substeps, onset = float(snapshot["substeps"]), failure.Onset(*snapshot["onset"])
             if len(numbers) != len(self._ledger.state()):
                 raise ValueError(f"ledger of {len(numbers)} numbers")
         except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -433,6 +444,7 @@ class Simulation:
             raise ValueError("snapshot: expected every particle's id once")
         self.time, self._controls, self._totals, self._power = time, controls, totals, power
         self._ledger.set_state(numbers)
+        self._substeps, self._onset = substeps, onset
         self.engine.set_controls(controls)
         self.engine.set_state(fluid, clock)
         self._acceleration = None
@@ -467,6 +479,7 @@ class Journey:
         """Enter what a leg did into the simulation's sums, clock and report."""
         sim = self.sim
         self._done += steps
+        sim._substeps += steps
         now = self._time(self._done - (bad >= 0))
         sim.last_report = sim._book(Report(self._done, self._dt), bad, now)
         self.over = sim.last_report.diverged or self._done == self._n_substeps

@@ -13,7 +13,7 @@ from sph_gym.solver.density import (
     extrapolate,
     store_density,
 )
-from sph_gym.solver.diagnostics import sum_up
+from sph_gym.solver.diagnostics import sum_up, survey
 from sph_gym.solver.effects import PairEffects
 from sph_gym.solver.integrators import end_step, evaluates_last, move, moves, rates, settle
 from sph_gym.solver.jit import jit, jitable
@@ -262,11 +262,11 @@ def sum_walls(i, walls, sums, kernel, constants):
 
 
 @jit
-def renew_pressures(world, model):
+def renew_pressures(fluid, walls, extrapolation, eos, totals):
     """Pressures that belong to the present densities, after the stiffness has changed."""
-    _press(world.fluid, model.eos)
-    _press(world.walls, model.eos)
-    sum_up(world.fluid, world.walls, model.extrapolation, model.eos, world.totals)
+    _press(fluid, eos)
+    _press(walls, eos)
+    sum_up(fluid, walls, extrapolation, eos, totals)
 
 
 @jitable
@@ -289,6 +289,22 @@ def evaluate_acceleration(i, fluid, walls, lists, model, time, ax, ay):
         store(ax, i, here.ax, n)
         store(ay, i, here.ay, n)
         i += n
+
+
+@jit
+def examine(
+    fluid, walls, lists, model, stale, time, ax, ay, gx, gy, com_x, com_y, clumped, work, numbers
+):
+    """Fill `numbers` with a `diagnostics.Survey`, and ax and ay, if they are `stale`, before.
+
+    One call for both: from Python, the arguments cost as much as a look at some hundred particles.
+    """
+    if stale:
+        evaluate_acceleration(0, fluid, walls, lists, model, time, ax, ay)
+    survey(
+        fluid, walls, lists, model.constants, model.kernel.h2, ax, ay, gx, gy, com_x, com_y,
+        clumped, float(model.eos.inv_rho0), work, numbers,
+    )  # fmt: skip
 
 
 @jitable

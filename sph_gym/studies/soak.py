@@ -22,6 +22,7 @@ from gymnasium import spaces
 from sph_gym import scenes
 from sph_gym.env import SCENES, env_id
 from sph_gym.env.draws import FAMILIES
+from sph_gym.solver.failure import CAUSES
 from sph_gym.solver.scene import Scene
 from sph_gym.studies.episodes import kept
 from sph_gym.studies.policies import POLICIES, Push
@@ -32,8 +33,6 @@ FOLDER = Path("runs/studies")
 FULL, QUICK = 200_000, 2000
 # Steps between two actions that are none.
 WRONG_EVERY = 10
-# Causes of a blow-up that can be told.
-CAUSES = ("cfl", "stiffness", "clumping", "tunnelling", "energy", "nan")
 # Spacings that are tried, as multiples of the environment's own, or of one for those without.
 COARSER, OTHER_DX = (1.0, 1.5, 2.0), 0.04
 

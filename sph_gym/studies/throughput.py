@@ -1,8 +1,9 @@
 """How fast the solver is: by size, precision, threads, phase, kernel and effect; and its peers.
 
-Everything is the dam break with about 20 neighbours, a column one wide and two high. A particle-
-step is one particle, fluid or wall, moved on by one step. What is compared runs in turns; phases,
-sizes and variants by the time that their thread has a core, the rest by the clock on the wall.
+Everything but the environments is the dam break with about 20 neighbours, a column one wide and two
+high. A particle-step is one particle, fluid or wall, moved on by one step. What is compared runs in
+turns; phases, sizes and variants by the time that their thread has a core, the rest by the clock on
+the wall.
 """
 
 import dataclasses
@@ -18,7 +19,7 @@ from sph_gym.solver import teams
 from sph_gym.solver.batch import advance_all
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import DTYPES, Simulation
-from sph_gym.studies import compilation, variants
+from sph_gym.studies import compilation, environments, variants
 from sph_gym.studies.peers import NAME, SCRIPT, Peers, compare
 from sph_gym.studies.phases import PHASES
 from sph_gym.studies.table import Row
@@ -53,10 +54,15 @@ class Plan(NamedTuple):
     reference: int = 5000
     # particle-steps of one timed call
     work: int = 400_000
+    # of the environments
+    agents: environments.Plan = environments.Plan()
 
 
 FULL = Plan()
-QUICK = Plan(sizes=(1000, 5000), rounds=7, peer_rounds=1, work=200_000)
+QUICK = Plan(
+    sizes=(1000, 5000), rounds=7, peer_rounds=1, work=200_000,
+    agents=environments.Plan(rounds=7),
+)  # fmt: skip
 
 Task = tuple[str, Callable[[], Iterable[Row]]]
 
@@ -98,6 +104,9 @@ def tasks(plan: Plan, peers: Peers | None = None) -> list[Task]:
         parts.append((f"sizes, {dtype}", partial(by_size, plan, dtype)))
         parts.append((f"many, {dtype}", partial(many, plan, dtype)))
     parts.append(("kernels, effects", partial(by_variant, plan)))
+    for scene in plan.agents.spacings:
+        rows = partial(environments.measure, plan.agents, *scene)
+        parts.append((f"environments, {scene[0]}", rows))
     parts.append(("compiling", compilation.measure))
     if peers is not None:
         for dtype in DTYPES:

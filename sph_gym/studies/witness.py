@@ -11,6 +11,7 @@ from sph_gym.env import rewards
 from sph_gym.env.episode import INFO
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.solver.diagnostics import Ledger
+from sph_gym.solver.failure import CAUSES
 
 PROMISES = (
     "observation in its space",
@@ -23,7 +24,6 @@ PROMISES = (
 )
 OBSERVATION, REWARD, INFOS, STATE, BLOWUP, ROLLBACK, REFUSED = PROMISES
 
-CAUSES = ("cfl", "stiffness", "clumping", "tunnelling", "energy", "nan")
 # Faster than this [m/s] counts as a blow-up.
 FASTEST = 5000.0
 MOST_EXAMPLES = 5

@@ -2,7 +2,10 @@
 
 import copy
 import itertools
+import os
 import pickle
+import subprocess
+import sys
 import warnings
 
 import gymnasium as gym
@@ -99,7 +102,7 @@ def summed(observation, reward, *rest):
 # --- Copies ---------------------------------------------------------------------------------
 
 COPIED = [
-    {"on_blowup": "rollback", "render_mode": "rgb_array"},
+    {"on_blowup": "rollback"},
     {"action_mode": "delta", "observation": "field", "reward": "vector"},
     {"action_mode": "discrete", "rate_limit": 2.0, "render_mode": "human"},
 ]
@@ -140,13 +143,20 @@ def test_a_copy_in_mid_episode_goes_on_alike(arguments, copied, monkeypatch):
     env.reset(seed=2)
     env.action_space.seed(3)
     play(env, 7)
-    env.render()
     twin = copied(env)
-    # far enough for the generators to have drawn another scene
-    assert_same(play(env, 150), play(twin, 150))
+    # a window keeps to real time; without one, far enough to draw another scene
+    n_steps = 5 if env.render_mode == "human" else 150
+    assert_same(play(env, n_steps), play(twin, n_steps))
     for one in (env, twin):
-        one.render()
         one.close()
+
+
+def test_a_copy_of_an_environment_with_a_picture_paints_the_same(monkeypatch):
+    env = gym.make("sph_gym/DropImpact-v0", dx=0.08, render_mode="rgb_array").unwrapped
+    env.reset(seed=0)
+    picture = env.render()
+    for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        assert np.array_equal(twin.render(), picture)
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
@@ -178,3 +188,17 @@ def test_processes_of_their_own_change_nothing(context):
             assert_same(ours.step(actions), theirs.step(actions))
     finally:
         theirs.close()
+
+
+@pytest.mark.skipif(os.cpu_count() == 1, reason="needs a second processor")
+def test_long_rollouts_are_equal_to_the_last_bit_in_other_processes_with_other_threads():
+    hashes = []
+    for threads in ("1", "2"):
+        run = subprocess.run(
+            [sys.executable, "-m", "tests.env.rollouts", threads],
+            env=os.environ | {"NUMBA_NUM_THREADS": threads}, check=True,
+            capture_output=True, text=True,
+        )  # fmt: skip
+        hashes.append(run.stdout.split())
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes[0])) == 3

@@ -1,5 +1,8 @@
 """Many simulations at once do what each would have done alone, to the last bit."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from numba.core import config
@@ -86,6 +89,24 @@ def test_lists_grow():
 @pytest.mark.without_jit
 def test_nothing_to_do():
     assert advance_all([], 1.0) == []
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda sims: pickle.loads(pickle.dumps(sims))])
+def test_copies_go_on_with_arrays_of_their_own(copied):
+    together, alone = some(n=2), some(n=2)
+    advance_all(together, 1e-3)
+    twins = copied(together)
+    assert_all_same(twins, together)
+    advance_all(twins, 1e-3)
+    for sim in alone:
+        sim.advance(1e-3)
+    assert_all_same(together, alone)
+    del together
+    advance_all(twins, 1e-3)
+    for sim in alone:
+        sim.advance(1e-3)
+        sim.advance(1e-3)
+    assert_all_same(twins, alone)
 
 
 @pytest.mark.without_jit

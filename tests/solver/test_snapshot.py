@@ -129,6 +129,7 @@ def foreign():
         "impossible controls": snapshot | {"controls": (-1e-4, 1e4, 0.3)},
         "short ledger": snapshot | {"ledger": [0.0]},
         "short totals": snapshot | {"totals": (0.0,)},
+        "no onset": {name: value for name, value in snapshot.items() if name != "onset"},
     }
 
 

@@ -79,9 +79,10 @@ def locate(courant: float, sound: float, xsph: float) -> Coordinates:
 
 def decode(scene: Scene, coordinates: Coordinates) -> Controls:
     """Controls at coordinates in [-1, 1]^3."""
-    courant = math.exp(_value(coordinates[0], *LOG_COURANT))
-    c = scene.fluid.c0 * math.exp(_value(coordinates[1], *LOG_SOUND))
-    return Controls(courant * scene.h / c, scene.fluid.stiffness(c), _value(coordinates[2], *XSPH))
+    dt, stiffness, xsph = coordinates.tolist()
+    courant = math.exp(_value(dt, *LOG_COURANT))
+    c = scene.fluid.c0 * math.exp(_value(stiffness, *LOG_SOUND))
+    return Controls(courant * scene.h / c, scene.fluid.stiffness(c), _value(xsph, *XSPH))
 
 
 def limit(wanted: Coordinates, present: Coordinates, factor: float) -> Coordinates:
@@ -97,7 +98,7 @@ def _position(value: float, low: float, high: float) -> float:
 
 
 def _value(position: float, low: float, high: float) -> float:
-    return float(low + (position + 1) / 2 * (high - low))
+    return low + (position + 1) / 2 * (high - low)
 
 
 def _box_action(action: Any) -> Coordinates:
@@ -107,7 +108,7 @@ def _box_action(action: Any) -> Coordinates:
         numbers = np.array(None)
     # texts and booleans that numpy would take for numbers are none
     usable = numbers.shape == (3,) and numbers.dtype.kind in "fiu"
-    if not usable or not (np.abs(numbers) <= 1).all():
+    if not usable or not all(-1 <= number <= 1 for number in numbers.tolist()):
         raise ValueError(
             f"action: expected 3 finite numbers in [-1, 1] ({', '.join(NAMES)}), got {action!r}"
         )

@@ -30,7 +30,7 @@ class Plan(NamedTuple):
 
     spacings: tuple[tuple[str, float, float], ...] = (
         ("dam_break", 0.04, 0.029),
-        ("drop_impact", 0.026, 0.0185),
+        ("drop_impact", 0.0265, 0.0185),
     )
     n_envs: int = 8
     skipped: int = 10

@@ -1,7 +1,6 @@
 """Many environments at once: the same episodes, advanced side by side on threads."""
 
-from collections.abc import Iterator, Sequence
-from itertools import groupby
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,8 @@ from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
 
 from sph_gym.env.tuning import TuningEnv
-from sph_gym.solver.batch import advance_all
+from sph_gym.solver import teams
 from sph_gym.solver.checks import known, whole
-from sph_gym.solver.simulation import Report
 
 MODES = {mode.value: mode for mode in AutoresetMode}
 
@@ -21,9 +19,8 @@ MODES = {mode.value: mode for mode in AutoresetMode}
 class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     """`num_envs` times `TuningEnv`, to the last bit, but faster.
 
-    It holds single environments and asks them before and after a step; in between, all solvers run
-    in one compiled call per thread. Environment k of a vector that is reset with seed s gets
-    s + k.
+    It steps single environments side by side on threads: their solvers are compiled code that
+    needs no interpreter. Environment k of a vector that is reset with seed s gets s + k.
 
     - `num_envs`: how many
     - `threads`: how many at most, by default the CPUs that the process may use; changes no result
@@ -176,20 +173,22 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         return rewards, terminated, truncated, infos, finals
 
     def _run(self, playing: Sequence[int], given: Sequence[Any]) -> list[Any]:
-        for k in playing:
-            self.envs[k].begin_step(given[k])
-        reports = zip(playing, self._advance(playing), strict=True)
-        return [self.envs[k].end_step(report) for k, report in reports]
+        """What a step of each comes to: every thread takes the next environment that is left."""
+        outcomes: list[Any] = [None] * len(playing)
+        left, team = iter(range(len(playing))), teams.make_team()
 
-    def _advance(self, playing: Sequence[int]) -> Iterator[Report]:
-        """Reports in the order of `playing`; those with the same frame go together."""
-        reports: dict[int, Report] = {}
-        frames = {k: self.envs[k].episode.scene.frame for k in playing}
-        for frame, alike in groupby(sorted(playing, key=frames.__getitem__), frames.__getitem__):
-            group = list(alike)
-            found = advance_all([self.envs[k].sim for k in group], frame, self.threads)
-            reports |= zip(group, found, strict=True)
-        return (reports[k] for k in playing)
+        def part(rank: int, n_threads: int) -> None:
+            for i in left:
+                if team[teams.STOP]:
+                    return
+                env = self.envs[playing[i]]
+                env.begin_step(given[playing[i]])
+                outcomes[i] = env.end_step(env.sim.advance(env.episode.scene.frame))
+
+        most = teams.most_threads() if self.threads is None else self.threads
+        with teams.borrow(min(most, max(len(playing), 1))) as n_threads:
+            teams.run(part, n_threads, team)
+        return outcomes
 
     # --- everything else --------------------------------------------------------------------
 

@@ -1,6 +1,5 @@
 """`Engine`: the arrays of a running simulation, and the compiled calls that work on them."""
 
-from collections.abc import Callable
 from functools import cached_property
 from time import perf_counter
 from typing import Any
@@ -12,6 +11,7 @@ from sph_gym.solver import diagnostics, stepping, teams
 from sph_gym.solver.integrators import INTEGRATORS, TWO_HALVES
 from sph_gym.solver.model import make_model, with_controls
 from sph_gym.solver.neighbors import make_lists, make_sorting
+from sph_gym.solver.records import Kept
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import (
     Controls,
@@ -26,6 +26,7 @@ from sph_gym.solver.target import n_lanes
 # Other threads aren't worth waking for less: particles of each, and particle-steps of one call.
 PARTICLES_PER_THREAD = 256
 WORTH_WAKING = 20_000
+NO_BOUNDS = np.empty(0, np.int64)
 # First guess of the length of a neighbour list; it grows where that is too short.
 ENTRIES_PER_GROUP = 70
 
@@ -46,7 +47,7 @@ class Engine:
         self.dtype, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
         self._listed_by = 1
         self._pace = teams.Pace()
-        self._records: dict[str, tuple[Any, Any]] = {}
+        self._world_record, self._model_record = Kept(), Kept()
         self._work: NDArray[Any] | None = None
         self.model = make_model(scene, controls, mass, dtype)
         more = (*_kept_rates(scene), *(("offset",) if scene.effects.continuity else ()))
@@ -108,10 +109,6 @@ class Engine:
         """What two simulations must share to run the same machine code."""
         return str((self.dtype, _structure(self.world), _structure(self.model)))
 
-    def __getstate__(self) -> dict[str, Any]:
-        # records hold addresses of arrays, and a copy has arrays of its own
-        return self.__dict__ | {"_records": {}}
-
     def set_controls(self, controls: Controls) -> None:
         """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
         self.model = with_controls(self.model, self._scene, controls, self.dtype)
@@ -139,7 +136,8 @@ class Engine:
         """One compiled call, on as many threads as it is worth; see `stepping.advance`."""
         with teams.borrow(self._worthwhile(n_substeps - done)) as n_threads:
             stale = self.begin(n_threads, stale, done)
-            arguments = self.world, self.model, stale, time, self.dtype(dt), done, n_substeps
+            legs, dts = np.array([[stale, time, done, n_substeps]]), np.array([dt], self.dtype)
+            arguments = NO_BOUNDS, *self.records(), legs, dts
             began = perf_counter()
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
             work = len(self.fluid.id) * (n_substeps - done)
@@ -188,10 +186,7 @@ class Engine:
     def follow_stiffness(self, time: float) -> None:
         """Bring pressures, and what depends on them, up to date with the present controls."""
         if self.model.extrapolation is None and self.model.halves is None:
-            world, model = self.world, self.model
-            stepping.renew_pressures(
-                world.fluid, world.walls, model.extrapolation, model.eos, world.totals
-            )
+            stepping.renew_pressures(*self.records())
         else:
             # extrapolated pressures and kept rates follow the whole chain
             self.renew(time)
@@ -228,13 +223,11 @@ class Engine:
         lists = lists._replace(entries=np.zeros(2 * lists.entries.size, np.int32))
         self.world = self.world._replace(lists=lists)
 
-    def record(self, name: str, make: Callable[[Any], Any]) -> Any:
-        """make(world) or make(model), kept until that is another one."""
-        value = getattr(self, name)
-        kept = self._records.get(name)
-        if kept is None or kept[0] is not value:
-            kept = self._records[name] = value, make(value)
-        return kept[1]
+    def records(self) -> tuple[Any, Any, Any, Any]:
+        """Records of world and model (1, n_bytes), and their shapes: what compiled calls take."""
+        world = self._world_record.follow(self.world)
+        model = self._model_record.follow(self.model)
+        return world.rows, model.rows, world.shape, model.shape
 
     # --- measures ---------------------------------------------------------------------------
 
@@ -263,8 +256,8 @@ class Engine:
     ) -> tuple[diagnostics.Survey, tuple[NDArray[Any], NDArray[Any]]]:
         """A look at every particle, and what `accelerations` gives.
 
-        acceleration: the latter, or None if that isn't known; gravity [m/s^2]; com: centre of
-        mass [m].
+        acceleration: the latter, or None if that isn't known; gravity: (2,) [m/s^2]; com: (2,)
+        centre of mass [m].
         """
         n, stale = len(self.fluid.id), acceleration is None
         ax, ay = (column(n, self.dtype), column(n, self.dtype)) if stale else acceleration
@@ -272,9 +265,8 @@ class Engine:
             self._work = np.stack([column(n, self.dtype), column(n, self.dtype)])
         numbers, clumped = np.zeros(len(diagnostics.Survey._fields)), diagnostics.CLUMPED * dx
         stepping.examine(
-            self.fluid, self.walls, self.world.lists, self.model, stale, float(time), ax, ay,
-            gravity[0], gravity[1], com[0], com[1], clumped, self._work, numbers,
-        )  # fmt: skip
+            *self.records(), stale, float(time), ax, ay, gravity, com, clumped, self._work, numbers
+        )
         return diagnostics.Survey(*numbers.tolist()), (ax[:n], ay[:n])
 
     # --- the state --------------------------------------------------------------------------

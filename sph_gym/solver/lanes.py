@@ -17,12 +17,19 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.datamodel import models
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import lower_builtin, lower_cast, register_model
+from numba.extending import (
+    NativeValue,
+    lower_builtin,
+    lower_cast,
+    register_model,
+    unbox,
+)
 
 from sph_gym.solver.jit import FASTMATH
 from sph_gym.solver.target import HAS_AVX512, n_lanes
@@ -606,6 +613,34 @@ def _give_way(code: Code) -> Any:
 # record holds addresses: it is of use only as long as the arrays that it was made from live.
 
 
+class ShapeType(types.Type):
+    """The type of a `Shape`; of: that of the value."""
+
+    def __init__(self, of: Any) -> None:
+        self.of = of
+        super().__init__(name=f"Shape({of})")
+
+    @property
+    def key(self) -> Any:
+        """What makes two such types the same."""
+        return self.of
+
+
+class Shape:
+    """What a value looks like, as an argument that costs little."""
+
+    def __init__(self, value: Any) -> None:
+        self._numba_type_ = ShapeType(numba.typeof(value))
+
+
+register_model(ShapeType)(models.OpaqueModel)
+
+
+@unbox(ShapeType)
+def _unbox_shape(typ: Any, value: Any, context: Any) -> Any:
+    return NativeValue(context.context.get_dummy_value())
+
+
 def record_size(value: Any) -> int:
     """Bytes that `pack` needs for nested tuples of numbers and arrays."""
     raise NotImplementedError("records are for compiled code")
@@ -628,14 +663,14 @@ def _pack(code: Code, record: Any, value: Any) -> Any:
     return code.context.get_dummy_value()
 
 
-def unpack(records: Any, i: int, template: Any) -> Any:
-    """The value of which row i of `records` was made; it has the type of `template`."""
-    raise NotImplementedError("records are for compiled code")
+def unpack(records: Any, i: int, shape: Any) -> Any:
+    """The value of which row i of `records` was made, and of whose `shape` it is."""
+    return records[i]
 
 
-@_emits(unpack, lambda records, i, value: signature(value, records, types.intp, value))
-def _unpack(code: Code, records: Any, i: Any, template: Any) -> Any:
+@_emits(unpack, lambda records, i, shape: signature(shape.of, records, types.intp, shape))
+def _unpack(code: Code, records: Any, i: Any, shape: Any) -> Any:
     array = code.context.make_array(code.sig.args[0])(code.context, code.builder, records)
     stride = code.builder.extract_value(array.strides, 0)
     start = code.builder.gep(array.data, [code.builder.mul(i, stride)])
-    return code.builder.load(code.as_vector(start, template.type), align=1)
+    return code.builder.load(code.as_vector(start, code.out), align=1)

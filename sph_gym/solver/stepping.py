@@ -17,7 +17,7 @@ from sph_gym.solver.diagnostics import sum_up, survey
 from sph_gym.solver.effects import PairEffects
 from sph_gym.solver.integrators import end_step, evaluates_last, move, moves, rates, settle
 from sph_gym.solver.jit import jit, jitable
-from sph_gym.solver.lanes import like, load, store, width
+from sph_gym.solver.lanes import like, load, store, unpack, width
 from sph_gym.solver.neighbors import (
     Lists,
     Sorting,
@@ -262,11 +262,15 @@ def sum_walls(i, walls, sums, kernel, constants):
 
 
 @jit
-def renew_pressures(fluid, walls, extrapolation, eos, totals):
-    """Pressures that belong to the present densities, after the stiffness has changed."""
-    _press(fluid, eos)
-    _press(walls, eos)
-    sum_up(fluid, walls, extrapolation, eos, totals)
+def renew_pressures(worlds, models, world, model):
+    """Pressures that belong to the present densities, after the stiffness has changed.
+
+    worlds, models: records; world, model: their shapes.
+    """
+    state, rules = unpack(worlds, 0, world), unpack(models, 0, model)
+    _press(state.fluid, rules.eos)
+    _press(state.walls, rules.eos)
+    sum_up(state.fluid, state.walls, rules.extrapolation, rules.eos, state.totals)
 
 
 @jitable
@@ -293,17 +297,20 @@ def evaluate_acceleration(i, fluid, walls, lists, model, time, ax, ay):
 
 @jit
 def examine(
-    fluid, walls, lists, model, stale, time, ax, ay, gx, gy, com_x, com_y, clumped, work, numbers
+    worlds, models, world, model, stale, time, ax, ay, gravity, com, clumped, work, numbers
 ):
     """Fill `numbers` with a `diagnostics.Survey`, and ax and ay, if they are `stale`, before.
 
-    One call for both: from Python, the arguments cost as much as a look at some hundred particles.
+    worlds, models: records; world, model: their shapes; gravity, com: (2,). One call for both:
+    from Python, a call costs as much as a look at some hundred particles.
     """
+    state, rules = unpack(worlds, 0, world), unpack(models, 0, model)
+    fluid, walls, lists = state.fluid, state.walls, state.lists
     if stale:
-        evaluate_acceleration(0, fluid, walls, lists, model, time, ax, ay)
+        evaluate_acceleration(0, fluid, walls, lists, rules, time, ax, ay)
     survey(
-        fluid, walls, lists, model.constants, model.kernel.h2, ax, ay, gx, gy, com_x, com_y,
-        clumped, float(model.eos.inv_rho0), work, numbers,
+        fluid, walls, lists, rules.constants, rules.kernel.h2, ax, ay, gravity[0], gravity[1],
+        com[0], com[1], clumped, float(rules.eos.inv_rho0), work, numbers,
     )  # fmt: skip
 
 
@@ -342,7 +349,25 @@ def follow_fluid(
 
 
 @jit
-def advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
+def advance(rank, n_threads, bounds, worlds, models, world, model, legs, dts):
+    """`_advance` for simulations bounds[rank] to bounds[rank + 1], each on one thread.
+
+    Without bounds for the first one, on all threads. worlds, models: records; world, model: their
+    shapes; legs: (n, 4) stale, time [s], done and n_substeps of each; dts: (n,) [s].
+    The only way in: the same machine code, and so the same bits, for one simulation and for many.
+    """
+    begin, end, part, n_parts = 0, 1, rank, n_threads
+    if bounds.size > 0:
+        begin, end, part, n_parts = bounds[rank], bounds[rank + 1], 0, 1
+    for i in range(begin, end):
+        _advance(
+            part, n_parts, unpack(worlds, i, world), unpack(models, i, model),
+            int(legs[i, 0]), legs[i, 1], dts[i], int(legs[i, 2]), int(legs[i, 3]),
+        )  # fmt: skip
+
+
+@jitable
+def _advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
     """n_substeps steps of the whole chain: force, integration, neighbours, density, pressure.
 
     time: [s] before the first of them; done: how many of them an earlier call did, whose list was

@@ -10,6 +10,7 @@ import pytest
 from sph_gym.solver import target
 from sph_gym.solver.jit import jit
 from sph_gym.solver.lanes import (
+    Shape,
     append,
     atomic_add,
     atomic_load,
@@ -453,8 +454,8 @@ def write_record(record, value):
 
 
 @jit
-def read_record(records, i, template):
-    return unpack(records, i, template)[0], unpack(records, i, template)[1][0][2]
+def read_record(records, i, shape):
+    return unpack(records, i, shape)[0], unpack(records, i, shape)[1][0][2]
 
 
 @not_compiled
@@ -464,7 +465,7 @@ def test_a_record_gives_back_what_was_packed():
     for record, value in zip(records, values, strict=True):
         write_record(record, value)
     for k in range(4):
-        assert read_record(records, k, values[0]) == (k + 0.5, k + 2.0)
+        assert read_record(records, k, Shape(values[0])) == (k + 0.5, k + 2.0)
 
 
 # --- The target -----------------------------------------------------------------------------

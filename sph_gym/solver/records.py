@@ -35,6 +35,7 @@ class Kept:
         self._value: Any = None
         self.rows: Any = None
         self.shape: Any = None
+        self._size = 0
 
     def __reduce__(self) -> Any:
         # a record holds addresses of arrays, and a copy has arrays of its own
@@ -53,7 +54,7 @@ class Kept:
             self.rows[0] = value
             return
         if self.shape is None:
-            self.shape = Shape(value)
+            self.shape, self._size = Shape(value), _record_size(value)
         # another array every time: a call on another thread may still read the last one
-        self.rows = np.empty((1, _record_size(value)), np.uint8)
+        self.rows = np.empty((1, self._size), np.uint8)
         _pack(self.rows[0], value)

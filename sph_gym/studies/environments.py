@@ -3,6 +3,7 @@
 All play what the tuned CFL rule plays, from the same state on, in turns.
 """
 
+import copy
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -14,6 +15,7 @@ from sph_gym.controllers import TunedCfl
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.env.vector import TuningVectorEnv
 from sph_gym.solver import stepping, teams
+from sph_gym.solver.batch import advance_all
 from sph_gym.studies.table import Row
 from sph_gym.studies.timing import clocked, in_turns, own_clock, pinned
 
@@ -71,6 +73,18 @@ class Track:
         actions = [np.stack([action] * envs.num_envs) for action in self.actions]
         return self._time(envs.step, actions, envs.num_envs)
 
+    def alone(self, threads: int, n_envs: int) -> float:
+        """Time of the solver's part of a step [s]: as many simulations, and nothing else."""
+        self.env.set_state(self.home)
+        sims = [copy.deepcopy(self.env.sim) for _ in range(n_envs)]
+        frame = self.env.episode.scene.frame
+
+        def run() -> None:
+            for _ in self.actions:
+                advance_all(sims, frame, threads)
+
+        return clocked(run) / (n_envs * len(self.actions))
+
     def _time(self, step: Any, actions: list[Any], n_envs: int, clock: Any = None) -> float:
         def run() -> None:
             for action in actions:
@@ -101,10 +115,15 @@ def side_by_side(track: Track, plan: Plan) -> Iterator[Row]:
         envs.reset(seed=0)
     runs: list[Callable[[], float]] = [track.one]
     runs += [partial(track.many, envs) for envs in vectors]
+    runs += [partial(track.alone, threads, plan.n_envs) for threads in counts]
     in_turns(runs, 1)
     seconds, case = in_turns(runs, plan.rounds), _case(track)
     yield Row("env steps of one environment", case, 1 / float(np.median(seconds[:, 0])), "1/s")
-    for threads, times in zip(counts, seconds.T[1:], strict=True):
+    if len(counts) > 1:
+        # what the processors make of two threads at all, just now
+        ceiling = float(np.median(seconds[:, -2] / seconds[:, -1]))
+        yield Row("two threads against one, solver alone", case, ceiling, "")
+    for threads, times in zip(counts, seconds.T[1:], strict=False):
         name = f"{case}, {plan.n_envs} on {threads} thread{'s' if threads > 1 else ''}"
         yield Row("env steps of a vector", name, 1 / float(np.median(times)), "1/s")
         bound = SPEED_UP if threads == 2 else None

@@ -46,7 +46,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--save", metavar="PATH", help="record it: .npz, .h5, or .pvd for ParaView")
     study = commands.add_parser("study", help="measure something and print a table")
     study.set_defaults(function=_study)
-    study.add_argument("name", help="startup, validation, throughput, effects, headroom, exploits")
+    study.add_argument(
+        "name",
+        help="startup, validation, throughput, effects, headroom, exploits, stability",
+    )
     study.add_argument("--quick", action="store_true", help="coarser and sooner")
     study.add_argument(
         "--peers", metavar="PATH", help="throughput: folder of a script to race against"

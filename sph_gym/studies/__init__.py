@@ -5,7 +5,16 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym.solver.checks import known
-from sph_gym.studies import effects, exploits, headroom, machine, startup, throughput, validation
+from sph_gym.studies import (
+    effects,
+    exploits,
+    headroom,
+    machine,
+    stability,
+    startup,
+    throughput,
+    validation,
+)
 from sph_gym.studies.peers import Peers
 from sph_gym.studies.table import Row, show, write
 
@@ -16,9 +25,10 @@ _STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "effects": effects.measure,
     "headroom": headroom.measure,
     "exploits": exploits.measure,
+    "stability": stability.measure,
 }
 # Studies that keep finished runs in their folder.
-_KEEPING = ("validation", "headroom", "exploits")
+_KEEPING = ("validation", "headroom", "exploits", "stability")
 # What more a study leaves in its folder, from its rows.
 _FINISH: dict[str, Callable[[list[Row], Path], None]] = {"throughput": throughput.finish}
 

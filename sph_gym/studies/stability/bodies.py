@@ -1,5 +1,6 @@
 """Hard cases without walls: bodies in empty space, from starts that nobody should make."""
 
+import dataclasses
 from collections.abc import Iterator
 from functools import partial
 from typing import Any
@@ -97,7 +98,7 @@ def clumped(dx: float) -> Scene:
 def density_jump(dx: float) -> Scene:
     """One half of the square ten times as dense as the other."""
     dense = jittered(dx) / np.sqrt(10)
-    right = jittered(dx) + (dense[:, 0].max() + dx, 0.0)
+    right = np.add(jittered(dx), (dense[:, 0].max() + dx, 0.0))
     return free(np.concatenate([dense, right]), dx)
 
 
@@ -110,8 +111,6 @@ def stretched(dx: float) -> Scene:
 
 def rotating(dx: float, clamp: bool) -> Scene:
     """The rotating square, whose middle is under tension."""
-    import dataclasses
-
     scene = scenes.make("rotating_square", dx=dx)
     return dataclasses.replace(scene, fluid=dataclasses.replace(scene.fluid, clamp=clamp))
 
@@ -124,17 +123,15 @@ def wide(dx: float, h: float) -> Scene:
 def patches(dx: float) -> Scene:
     """Two squares that hit each other at a fifth of the speed of sound."""
     left = jittered(dx)
-    right = left + (left[:, 0].max() - left[:, 0].min() + 3 * dx, 0.3 * dx)
+    right = np.add(left, (np.ptp(left[:, 0]) + 3 * dx, 0.3 * dx))
     v = np.where(np.arange(2 * len(left)) < len(left), 1.0, -1.0)[:, None] * (1.0, 0.0)
     return free(np.concatenate([left, right]), dx, v=v)
 
 
 def far_away(dx: float) -> Scene:
     """The patches 10 km from the origin, where float32 tells places 1 mm apart."""
-    import dataclasses
-
     scene = patches(dx)
-    return dataclasses.replace(scene, x=np.asarray(scene.x) + (1e4, -1e4))
+    return dataclasses.replace(scene, x=np.add(scene.x, (1e4, -1e4)))
 
 
 def cases() -> Iterator[Case]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sph_gym.solver import engine, teams
+from sph_gym.solver.diagnostics import Ledger
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 
@@ -22,18 +23,15 @@ def is_finite(sim: Simulation) -> bool:
     return all(bool(np.isfinite(getattr(sim, field)).all()) for field in FIELDS)
 
 
-def is_silent(sim: Simulation, report: Report, excess: float) -> bool:
-    """Whether something went wrong without a word, or a blow-up without its story.
-
-    excess: energy from nowhere that is still no blow-up.
-    """
+def is_silent(sim: Simulation, report: Report) -> bool:
+    """Whether something went wrong without a word, or a blow-up without its story."""
     if not is_finite(sim):
         return True
     if report.diverged:
         told = report.cause in CAUSES and report.link in LINKS
         return not (told and 0 <= report.bad_particle < sim.n_fluid)
     numbers = sim.diagnostics()
-    return numbers["max_speed"] > TOP_SPEED or not numbers["energy_excess"] <= excess
+    return numbers["max_speed"] > TOP_SPEED or not numbers["energy_excess"] <= Ledger.TOLERANCE
 
 
 def momentum(sim: Simulation) -> Any:
@@ -51,9 +49,9 @@ def eager_threads() -> Iterator[None]:
     The solver shares only what is worth it; that it is right does not depend on it.
     """
     limits = engine.PARTICLES_PER_THREAD, engine.WORTH_WAKING
-    choose = teams.Pace.choose
+    choose: Any = teams.Pace.choose
     engine.PARTICLES_PER_THREAD, engine.WORTH_WAKING = 1, 1
-    teams.Pace.choose = lambda pace, most: most  # type: ignore[method-assign]
+    teams.Pace.choose = lambda self, most: most  # type: ignore[method-assign]
     try:
         yield
     finally:
@@ -78,17 +76,20 @@ def threads_differ(scene: Scene, dtype: str, advance: Advance, frames: int) -> i
 def grid_gap(sim: Simulation) -> float:
     """Largest difference of rho, p and a between grid and brute force on the present state.
 
-    In multiples of the largest magnitude of each field.
+    In multiples of the largest magnitude of each field, and of pressure and acceleration at least
+    of those of a flow at Mach 0.1: at rest, both are small differences of densities.
     """
     brute = Simulation(sim.scene, sim.dtype, "brute", threads=1)
     brute.restore(sim.snapshot())
     for each in (sim, brute):
         each.evaluate()
+    dynamic = (0.1 * sim.sound_speed) ** 2
+    least = {"rho": 0.0, "p": sim.scene.fluid.rho0 * dynamic, "a": dynamic / sim.scene.h}
     gaps = []
-    for field in ("rho", "p", "a"):
+    for field, floor in least.items():
         one, other = (getattr(each, field).astype(np.float64) for each in (sim, brute))
-        largest = float(np.abs(other).max())
-        gaps.append(float(np.abs(one - other).max()) / largest if largest else 0.0)
+        largest = max(float(np.abs(other).max()), floor)
+        gaps.append(float(np.abs(one - other).max()) / largest)
     return max(gaps)
 
 

@@ -17,6 +17,10 @@ HALF = 0.4
 FRAME = 8
 
 
+# A plate that nothing meets, so that all cases share their machine code.
+FAR = [(0.0, -9.0, 1.0, -9.0)]
+
+
 def stream(x: Any, v: Any, dx: float, walls: Walls) -> Scene:
     """Water that moves at some 5 m/s, without gravity."""
     c0 = 10 * SPEED
@@ -52,7 +56,7 @@ def plates(dx: float) -> Any:
 def thin_jet(dx: float, held: bool) -> Scene:
     """Three particles wide, onto boundary particles with or without a plate at their face."""
     jet = lattice(-1.5 * dx, 1.5 * dx, 2 * dx, 0.6, dx)
-    walls = Walls(floor(dx), plates=plates(dx)[:1] if held else [(0.0, -9.0, 1.0, -9.0)])
+    walls = Walls(floor(dx), plates=plates(dx)[:1] if held else FAR)
     return stream(jet, np.tile((0.0, -SPEED), (len(jet), 1)), dx, walls)
 
 
@@ -60,7 +64,7 @@ def corner_jet(dx: float, held: bool) -> Scene:
     """A jet of eight particles that slants into a corner."""
     jet = lattice(-HALF + 2 * dx, -HALF + 10 * dx, 2 * dx, 0.6, dx)
     v = np.tile((-0.5 * SPEED, -SPEED), (len(jet), 1))
-    walls = Walls(corner(dx), plates=plates(dx) if held else [(0.0, -9.0, 1.0, -9.0)])
+    walls = Walls(corner(dx), plates=plates(dx) if held else FAR)
     return stream(jet, v, dx, walls)
 
 
@@ -103,6 +107,13 @@ def outside_corner(x: Any, dx: float) -> Any:
 def outside_room(x: Any, dx: float) -> Any:
     """Out of the room of four plates."""
     return (np.abs(x[:, 0]) > HALF) | (np.abs(x[:, 1] - 0.4) > 0.4)
+
+
+def shower(dx: float, mach: float) -> Scene:
+    """Single particles at a Mach number onto boundary particles with nothing behind them."""
+    x = np.stack([np.linspace(-0.75 * HALF, 0.75 * HALF, 30), np.full(30, 2.5 * dx)], axis=-1)
+    v = np.tile((0.0, -mach * 10 * SPEED), (len(x), 1))
+    return stream(x, v, dx, Walls(floor(dx), plates=FAR))
 
 
 def cases() -> Iterator[Case]:

@@ -33,6 +33,8 @@ def tank(
 ) -> Scene:
     """Particles in a tank of boundary particles with a clamping box behind their face."""
     width = snap(width, dx)
+    acting: dict[str, Any] = {"gravity": (0.0, -G), "xsph": True, "artificial_viscosity": 0.05}
+    acting |= effects
     return Scene(
         "hard case",
         x=x,
@@ -40,12 +42,8 @@ def tank(
         dx=dx,
         h=2.6 * dx,
         fluid=Fluid(c0=c0),
-        effects=Effects(
-            **({"gravity": (0.0, -G), "xsph": True, "artificial_viscosity": 0.05} | effects)
-        ),
-        walls=Walls(
-            particles=tank_particles(width, height, dx), box=(0.0, width, 0.0, math.inf)
-        ),
+        effects=Effects(**acting),
+        walls=Walls(particles=tank_particles(width, height, dx), box=(0.0, width, 0.0, math.inf)),
         frame=FRAME * 0.4 * 2.6 * dx / c0,
     )
 
@@ -151,9 +149,7 @@ def settings() -> Iterator[Case]:
         steer=switching(stiffened(1.0), stiffened(25.0), stiffened(0.04)),
         density=0.2,
     )
-    yield case(
-        "dt switched every frame", steer=switching(overstepping(1.0), overstepping(0.05))
-    )
+    yield case("dt switched every frame", steer=switching(overstepping(1.0), overstepping(0.05)))
     for epsilon in (0.0, 1.0):
         yield case(f"epsilon = {epsilon:g}", steer=smoothed(epsilon))
 

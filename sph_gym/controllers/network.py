@@ -1,8 +1,12 @@
 """A small exported policy network that runs in plain NumPy."""
 
+import os
+import zlib
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +38,23 @@ class Network:
         return np.tanh(x) if self.squash == "tanh" else np.clip(x, -1.0, 1.0)
 
     def save(self, path: str | Path) -> None:
-        """Write a .npz file that `load` reads."""
+        """Write a .npz file that `load` reads; whole or not at all, should the process be killed."""
         layers: dict[str, Any] = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
-        np.savez_compressed(path, activation=self.activation, squash=self.squash, **layers)
+        target = Path(path)
+        draft = target.with_name(f"{target.name}.{os.getpid()}.tmp")
+        try:
+            with draft.open("wb") as file:
+                np.savez_compressed(file, activation=self.activation, squash=self.squash, **layers)
+            os.replace(draft, target)
+        finally:
+            draft.unlink(missing_ok=True)
 
     @staticmethod
     def load(path: str | Path) -> "Network":
         """Read a .npz file; it holds numbers only, no code is run.
 
-        Raises ValueError if the file is no exported network.
+        Raises ValueError if the file is no exported network, or a damaged one.
         """
         try:
             with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
@@ -51,8 +62,23 @@ class Network:
                 weights = tuple(data[f"weight{k}"] for k in range(n_layers))
                 biases = tuple(data[f"bias{k}"] for k in range(n_layers))
                 activation, squash = str(data["activation"]), str(data["squash"])
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
             raise ValueError(f"path: {path} is no exported network ({error})") from None
-        if not weights or squash not in SQUASH or activation not in ("tanh", "relu"):
+        known = squash in SQUASH and activation in ("tanh", "relu")
+        if not (known and weights and _fit(weights, biases)):
             raise ValueError(f"path: {path} is no exported network")
         return Network(weights, biases, activation, squash)
+
+
+def _fit(weights: tuple[Floats, ...], biases: tuple[Floats, ...]) -> bool:
+    """Whether these are finite numbers, and every layer takes what the one before gives."""
+    numbers = all(part.dtype.kind == "f" and np.isfinite(part).all() for part in weights + biases)
+    shaped = all(weight.ndim == 2 for weight in weights)
+    return (
+        numbers
+        and shaped
+        and all(
+            bias.shape == weight.shape[:1] for weight, bias in zip(weights, biases, strict=True)
+        )
+        and all(after.shape[1] == before.shape[0] for before, after in pairwise(weights))
+    )

@@ -3,9 +3,10 @@
 import hashlib
 import json
 import os
-import tempfile
+import threading
 import warnings
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -64,14 +65,12 @@ def write(path: Path, stored: Any) -> None:
 
     Raises OSError that names the file.
     """
-    draft = ""
+    draft = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False) as file:
-            draft = file.name
-            json.dump(stored, file)
+        draft.write_text(json.dumps(stored))
         os.replace(draft, path)
     except OSError as error:
-        if draft:
-            Path(draft).unlink(missing_ok=True)
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
         raise OSError(error.errno, f"can't be written: {error.strerror}", str(path)) from None

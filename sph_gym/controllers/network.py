@@ -3,7 +3,6 @@
 import os
 import zlib
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -38,7 +37,7 @@ class Network:
         return np.tanh(x) if self.squash == "tanh" else np.clip(x, -1.0, 1.0)
 
     def save(self, path: str | Path) -> None:
-        """Write a .npz file that `load` reads; whole or not at all, should the process be killed."""
+        """Write a .npz file that `load` reads; a kill leaves all of it or what was there before."""
         layers: dict[str, Any] = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
         target = Path(path)
@@ -72,13 +71,10 @@ class Network:
 
 def _fit(weights: tuple[Floats, ...], biases: tuple[Floats, ...]) -> bool:
     """Whether these are finite numbers, and every layer takes what the one before gives."""
-    numbers = all(part.dtype.kind == "f" and np.isfinite(part).all() for part in weights + biases)
-    shaped = all(weight.ndim == 2 for weight in weights)
-    return (
-        numbers
-        and shaped
-        and all(
-            bias.shape == weight.shape[:1] for weight, bias in zip(weights, biases, strict=True)
-        )
-        and all(after.shape[1] == before.shape[0] for before, after in pairwise(weights))
-    )
+    if not all(part.dtype.kind == "f" and np.isfinite(part).all() for part in weights + biases):
+        return False
+    if not all(weight.ndim == 2 for weight in weights):
+        return False
+    rows = [weight.shape[0] for weight in weights]
+    columns = [weight.shape[1] for weight in weights]
+    return rows[:-1] == columns[1:] and [bias.shape for bias in biases] == [(n,) for n in rows]

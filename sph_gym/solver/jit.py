@@ -91,10 +91,10 @@ class _Optimise(AnalysisPass):
 def jit(function: Function) -> Function:
     """Compile a function that Python calls, on first use, without the GIL, cached on disk.
 
-        Numba looks only at a function's own file to see whether its cache is stale, so an edited
-        helper would go on running as it was (numba #1833). A folder named by the hash of all sources
+    Numba looks only at a function's own file to see whether its cache is stale, so an edited
+    helper would go on running as it was (numba #1833). A folder named by the hash of all sources
     makes that impossible. Where no folder can be written, compilation works without a cache; so it
-        does on a full disk and after files were damaged, with a warning.
+    does on a full disk and after files were damaged, with a warning.
     """
     config: Any = numba.config
     if config.DISABLE_JIT:

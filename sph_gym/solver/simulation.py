@@ -56,7 +56,8 @@ class Simulation:
     threads: the most to use, by default one for every 2000 fluid particles and no more than the
     CPUs that the process may use; where more wouldn't pay, fewer are used, and the result is
     bitwise the same for any number. `controls` may be set at any time between two calls.
-    Raises ValueError for unknown names and for less than one thread.
+    Raises ValueError for unknown names, for less than one thread, and for lengths whose powers
+    the precision can't hold.
     """
 
     def __init__(
@@ -83,12 +84,22 @@ class Simulation:
         self._origin = origin(scene, self._float)
         self._local = moved(scene, -self._origin)
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
+        self._check_densities()
         self._acceleration: tuple[Any, Any] | None = None
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
         self._ledger = diagnostics.Ledger(self._totals, *self._energy_scales())
         self._power = self._gravity_power()
         self._nominal_dt()
+
+    def _check_densities(self) -> None:
+        """Refuse lengths whose powers the precision can't hold: no density comes out of them."""
+        rho = self.engine.fluid.rho[: self.n_fluid]
+        if not (np.isfinite(rho) & (rho > 0)).all():
+            raise ValueError(
+                f"dtype: expected one that holds powers of h = {self.scene.h:g} m, got "
+                f"{self.dtype!r}, in which densities are from {rho.min():g} to {rho.max():g}"
+            )
 
     def _default_threads(self) -> int:
         n_fluid = len(np.asarray(self.scene.x))

@@ -5,31 +5,33 @@ import json
 import os
 import threading
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import sph_gym
+from sph_gym.solver.jit import source_hash
 
 
-def digest(sources: Iterable[Path], key: Any) -> str:
-    """Name of a result: a hash of the sources that it depends on and of what was computed."""
-    found = hashlib.sha256()
-    for path in sources:
-        found.update(path.name.encode() + path.read_bytes())
-    found.update(json.dumps(key).encode())
-    return found.hexdigest()[:24]
+def name(key: Any, *own: Path) -> str:
+    """File name of a result: a hash of what was computed and of all sources that it depends on.
+
+    own: the files of the study; those of the solver, of scenes and environments always count.
+    """
+    found = hashlib.sha256(_sources(own) + json.dumps(key).encode())
+    return f"{found.hexdigest()[:24]}.json"
 
 
 @cache
-def sources(*more: Path) -> tuple[Path, ...]:
-    """The files that any run depends on, and some `more`."""
+def _sources(own: tuple[Path, ...]) -> bytes:
     root = Path(sph_gym.__file__).parent
     parts = ("solver", "scenes", "env", "controllers")
     found = [path for part in parts for path in sorted((root / part).glob("*.py"))]
-    return (*found, *more)
+    everything = b"".join(path.name.encode() + path.read_bytes() for path in (*found, *own))
+    # of the compiler, the interpreter and the processor
+    return source_hash().encode() + hashlib.sha256(everything).digest()
 
 
 def kept(path: Path, key: Any, compute: Callable[[], Any]) -> Any:

@@ -21,6 +21,11 @@ from sph_gym.studies.stability.runs import Outcome, run
 from sph_gym.studies.table import Row
 
 FOLDER = Path("runs/studies")
+# What the run of a case depends on, of this package.
+OWN = tuple(
+    Path(__file__).with_name(f"{name}.py")
+    for name in ("case", "bodies", "tanks", "streams", "checks", "runs")
+)
 # Variants of the quick version, and the one scene that it maps.
 QUICK_VARIANTS, QUICK_SCENES = VARIANTS[:3], ("relaxation",)
 
@@ -64,8 +69,7 @@ def catalogue(quick: bool, folder: Path, chosen: Sequence[Case] | None = None) -
 
 def _kept(case: Case, variant: Any, quick: bool, folder: Path) -> Outcome:
     key = [case.name, variant.name, quick]
-    own = sorted(Path(__file__).parent.glob("*.py"))
-    path = folder / f"{store.digest(store.sources(*own), key)}.json"
+    path = folder / store.name(key, *OWN)
     return Outcome(*store.kept(path, key, partial(run, case, variant, quick)))
 
 

@@ -137,22 +137,25 @@ def far_away(dx: float) -> Scene:
 def cases() -> Iterator[Case]:
     """All of them; no force from outside, so that momentum stays."""
     body = partial(Case, dx=DX, conserves=True)
-    yield body("two coincident particles", partial(coincident, n=2))
-    yield body("three coincident particles", partial(coincident, n=3))
-    yield body("a coincident row", coincident_row)
+    # squeezed together at the start: a step of first order, and XSPH, err by some per cent of the
+    # energy of the explosion
+    burst = partial(body, excess=0.15)
+    yield burst("two coincident particles", partial(coincident, n=2))
+    yield burst("three coincident particles", partial(coincident, n=3))
+    yield burst("a coincident row", coincident_row)
     yield body("one particle", one)
     yield body("two particles", two)
     yield body("no neighbours at all", lonely)
-    yield body("random places", random_places)
-    yield body("overlapping bodies", overlapping)
-    yield body("clumped start", clumped)
-    yield body("density jump of 10", density_jump)
+    yield burst("random places", random_places)
+    yield burst("overlapping bodies", overlapping)
+    yield burst("clumped start", clumped)
+    yield burst("density jump of 10", density_jump)
     yield body("stretched sheet", stretched)
     for clamp in (False, True):
         name = f"rotating square, {'clamped' if clamp else 'under tension'}"
         yield body(name, partial(rotating, clamp=clamp), dx=0.05, kernel="cubic_spline")
-    yield body("pairing, h/dx = 3.5", partial(wide, h=3.5), kernel="cubic_spline")
+    yield burst("pairing, h/dx = 3.5", partial(wide, h=3.5), kernel="cubic_spline")
     for h in (1.5, 2.0, 3.0, 4.0):
-        yield body(f"h/dx = {h:g}", partial(wide, h=h))
+        yield burst(f"h/dx = {h:g}", partial(wide, h=h))
     yield body("colliding patches", patches)
     yield body("far from the origin", far_away)

@@ -138,7 +138,7 @@ def _kept(
     dt: float, sound: float, xsph: float,
 ) -> Point:  # fmt: skip
     key = [name, dt, sound, xsph, grid.share]
-    path = folder / f"{store.digest(store.sources(Path(__file__)), key)}.json"
+    path = folder / store.name(key, Path(__file__))
     found = store.kept(path, key, lambda: run(scene, dt * unit(scene), sound, xsph, grid.share))
     look()
     return Point(*found)

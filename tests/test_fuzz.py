@@ -1,5 +1,6 @@
 """Whatever the arguments: a clear ValueError, or something that works. Few kernels, all values."""
 
+import inspect
 import math
 import re
 from dataclasses import replace
@@ -49,17 +50,25 @@ tables = st.one_of(
 words = st.one_of(st.text(max_size=8), junk)
 
 
+def attempt(action):
+    """What it returns, and the text of the ValueError that it raised instead, or ""."""
+    try:
+        return action(), ""
+    except ValueError as error:
+        return None, str(error) or "nothing said"
+
+
 def made(kind, arguments):
     """What the arguments make, or None after a clear refusal."""
-    try:
-        return kind(**arguments)
-    except ValueError as error:
-        assert CLEAR.match(str(error)), str(error)
-        return None
-    except TypeError as error:
-        # a required argument that wasn't given is Python's to complain about
-        assert "missing" in str(error)
-        return None
+    required = [
+        name
+        for name, parameter in inspect.signature(kind).parameters.items()
+        if parameter.default is parameter.empty
+    ]
+    assume(set(required) <= set(arguments))
+    result, complaint = attempt(lambda: kind(**arguments))
+    assert not complaint or CLEAR.match(complaint), complaint
+    return result
 
 
 def some(**strategies):
@@ -208,15 +217,12 @@ def test_controls_and_seconds_are_taken_or_refused(running, controls, seconds):
     def play():
         running.controls = controls
         # a legal pair that would take for ever
-        assume(not (isinstance(seconds, (int, float)) and seconds / running.controls.dt > 1e4))
+        known = isinstance(seconds, (int, float)) and abs(seconds) < 1e300
+        assume(not known or seconds / running.controls.dt < 1e4)
         running.advance(seconds)
 
-    try:
-        play()
-    except ValueError as error:
-        assert CLEAR.match(str(error)), str(error)
-    except OverflowError:
-        assume(False)
+    _, complaint = attempt(play)
+    assert not complaint or CLEAR.match(complaint), complaint
     assert is_finite(running)
 
 
@@ -234,10 +240,9 @@ def test_a_snapshot_is_taken_or_refused(running, extra, data):
     for name in data.draw(st.sets(st.sampled_from(sorted(snapshot)))):
         snapshot[name] = data.draw(st.one_of(anything, vectors, tables))
     before = running.x
-    try:
-        running.restore(snapshot | extra)
-    except ValueError as error:
-        assert str(error).startswith(("snapshot", "controls"))
+    _, complaint = attempt(lambda: running.restore(snapshot | extra))
+    if complaint:
+        assert complaint.startswith(("snapshot", "controls"))
         assert np.array_equal(running.x, before)
     assert is_finite(running)
 

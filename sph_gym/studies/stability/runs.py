@@ -46,21 +46,25 @@ class Outcome(NamedTuple):
     seconds: float = 0.0
 
 
-# Which of two is the worse.
+# Which of two is the worse; what is no number is worst of all, which Python's max overlooks.
 _WORSE: dict[str, Any] = {
     "substeps": lambda a, b: a + b,
     "blowups": lambda a, b: a + b,
     "cause": lambda a, b: a or b,
     "silent": lambda a, b: a + b,
-    "lowest": min,
+    "lowest": lambda a, b: float(np.minimum(a, b)),
     "seconds": lambda a, b: a + b,
 }
+
+
+def _larger(a: float, b: float) -> float:
+    return type(a)(np.maximum(a, b))
 
 
 def worst(one: Outcome, other: Outcome) -> Outcome:
     """Both in one: sums of what is counted, the worse of what is measured."""
     values = (
-        _WORSE.get(name, max)(getattr(one, name), getattr(other, name)) for name in one._fields
+        _WORSE.get(name, _larger)(getattr(one, name), getattr(other, name)) for name in one._fields
     )
     return Outcome(*values)
 

@@ -10,8 +10,8 @@ from sph_gym.studies.stability.maps import TOLERANCE, Map
 
 # Of M. Okabe and K. Ito, for colour-blind eyes; letters say the same where there is no colour.
 OUTCOMES = {
-    "within 1 % density error": "#56B4E9",
-    "beyond it": "#F0E442",
+    "density error within 1 %": "#56B4E9",
+    "density error beyond 1 %": "#F0E442",
     "blow-up: cfl": "#D55E00",
     "blow-up: stiffness": "#CC79A7",
     "blow-up: any other cause": "#000000",
@@ -59,8 +59,8 @@ def draw(name: str, found: Map, path: Path) -> Path:
 
 
 # Colour scales: from, to, map.
-_DENSITY = (0.01, 10.0, "cividis")
-_WORK = (1 / 64, 16.0, "viridis")
+_DENSITY = (0.01, 10.0, "viridis")
+_WORK = (1 / 64, 16.0, "plasma")
 
 
 def _edges(centres: Any) -> Any:
@@ -118,7 +118,10 @@ def _numbers(axes: Any, found: Map, values: Any, scale: tuple[float, float, str]
     from matplotlib.colors import LogNorm
 
     low, high, name = scale
-    colours = colormaps[name].with_extremes(bad="#BBBBBB")
+    # hatched, since no grey is in no colour map
+    axes.set_facecolor("white")
+    axes.patch.set(hatch="////", edgecolor="#BBBBBB", linewidth=0.0)
+    colours = colormaps[name]
     shown = np.ma.masked_invalid(np.maximum(values, 1e-6))
     return axes.pcolormesh(*_mesh(found), shown, norm=LogNorm(low, high), cmap=colours)
 
@@ -151,13 +154,20 @@ def _limits(axes: Any, found: Map, i: int) -> None:
 def _legend(figure: Any, frames: Any) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
+    from matplotlib.patheffects import Normal, Stroke
 
     patches = [Patch(facecolor=colour, label=name) for name, colour in OUTCOMES.items()]
-    patches.append(Patch(facecolor="#BBBBBB", label="no value: blew up"))
+    patches.append(
+        Patch(facecolor="white", hatch="////", edgecolor="#BBBBBB", label="no value: blew up")
+    )
+    outline = [Stroke(linewidth=3.2, foreground=EDGE), Normal()]
     lines = [
-        Line2D([], [], color=EDGE, linestyle=style, label=f"{name} limit of the article")
-        for name, (style, _) in LINES.items()
-    ]
+        Line2D(
+            [], [], color=colour, linestyle=style, linewidth=1.6, path_effects=outline,
+            label=f"{name} limit of the article",
+        )
+        for name, (style, colour) in LINES.items()
+    ]  # fmt: skip
     marks = [
         Line2D([], [], marker=mark, color="none", markeredgecolor=EDGE, markersize=size, label=text)
         for mark, size, text in (("o", 5, "measured limit"), ("*", 12, "the scene as it comes"))

@@ -149,7 +149,7 @@ def cases() -> Iterator[Case]:
     yield burst("random places", random_places)
     yield burst("overlapping bodies", overlapping)
     yield burst("clumped start", clumped)
-    yield burst("density jump of 10", density_jump)
+    yield burst("density jump of 10", density_jump, quick=3)
     yield body("stretched sheet", stretched)
     for clamp in (False, True):
         name = f"rotating square, {'clamped' if clamp else 'under tension'}"

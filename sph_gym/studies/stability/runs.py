@@ -3,6 +3,7 @@
 import math
 import time
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -85,12 +86,12 @@ class _Run:
         self.frames = case.quick if quick else case.frames
         self.scene = case.scene(variant, size)
         self.sim = Simulation(self.scene, self.dtype, threads=1)
-        self._taken: dict[int, int] = {}
+        self._taken: WeakKeyDictionary[Simulation, int] = WeakKeyDictionary()
 
     def advance(self, sim: Simulation) -> Report:
         """The next frame, with the controls that the case sets."""
-        frame = self._taken.get(id(sim), 0)
-        self._taken[id(sim)] = frame + 1
+        frame = self._taken.get(sim, 0)
+        self._taken[sim] = frame + 1
         sim.controls = self.case.steer(sim, frame)
         return sim.advance(self.scene.frame)
 

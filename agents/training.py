@@ -1,5 +1,9 @@
 """What PPO, SAC and DQN share: environments on threads, callbacks, interruption, export."""
 
+import shutil
+import sys
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,7 +52,9 @@ class Args:
     n_evaluations: int = 8
     """validation episodes of an evaluation"""
     resume: bool = False
-    """go on from the newest checkpoint"""
+    """go on from the newest checkpoint; needs --trust-checkpoints"""
+    trust_checkpoints: bool = False
+    """checkpoints are pickles: loading one runs whatever code is in it; say that they are yours"""
     ship: bool = False
     """also write the best model to agents/trained"""
 
@@ -99,11 +105,39 @@ def folder(algorithm: str, args: Args) -> Path:
 
 
 def newest_checkpoint(path: Path) -> Path:
-    """The checkpoint to go on from. Raises FileNotFoundError if there is none."""
+    """The checkpoint to go on from: the newest that is whole.
+
+    Raises FileNotFoundError if there is none.
+    """
     found = sorted((path / "checkpoints").glob("*.zip"), key=lambda file: file.stat().st_mtime)
-    if not found:
-        raise FileNotFoundError(f"nothing to resume: no checkpoints in {path / 'checkpoints'}")
-    return found[-1]
+    for file in reversed(found):
+        if _is_whole(file):
+            return file
+        print(f"damaged, and left out: {file}", file=sys.stderr)
+    raise FileNotFoundError(f"nothing to resume: no checkpoints in {path / 'checkpoints'}")
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether a zip file was written to its end; nothing in it is unpickled."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.testzip() is None
+    except (OSError, zipfile.BadZipFile, zlib.error):
+        return False
+
+
+def load(kind: type[BaseAlgorithm], path: Path, envs: TuningVecEnv, trusted: bool) -> BaseAlgorithm:
+    """A Stable-Baselines3 model, which is a pickle.
+
+    Raises ValueError unless the user has said that it is to be trusted.
+    """
+    if not trusted:
+        raise ValueError(
+            f"trust_checkpoints: expected True to load {path}: Stable-Baselines3 files are "
+            "pickles, and loading one runs whatever code is in it, got False; exported networks "
+            "(.npz) hold numbers only"
+        )
+    return kind.load(path, env=envs, device="cpu")
 
 
 def callbacks(algorithm: str, args: Args) -> BaseCallback:
@@ -120,6 +154,7 @@ def callbacks(algorithm: str, args: Args) -> BaseCallback:
                 n_eval_episodes=args.n_evaluations,
                 eval_freq=every,
                 best_model_save_path=str(path),
+                callback_on_new_best=_Exporter(path / "network.npz"),
                 log_path=str(path),
                 verbose=1,
             ),
@@ -136,8 +171,11 @@ def train(kind: type[BaseAlgorithm], algorithm: str, args: Args) -> None:
     torch.set_num_threads(1)
     path, envs = folder(algorithm, args), make_envs(algorithm, args)
     if args.resume:
-        model = kind.load(newest_checkpoint(path), env=envs, device="cpu")
+        model = load(kind, newest_checkpoint(path), envs, args.trust_checkpoints)
     else:
+        # a former run's is not this one's best
+        for old in (path / "network.npz", path / "best_model.zip"):
+            old.unlink(missing_ok=True)
         settings = hyperparameters(algorithm, args.scene)
         settings["learning_rate"] = linear(settings["learning_rate"])
         logs = str(path / "tensorboard")
@@ -164,18 +202,29 @@ def learn(model: BaseAlgorithm, algorithm: str, args: Args) -> None:
     except KeyboardInterrupt:
         print("interrupted: what has been learned so far is kept")
     model.save(path / "last_model")
-    best = path / "best_model.zip"
-    if best.exists():
-        kind: Any = type(model)
-        model = kind.load(best, device="cpu")
-    network = export(model)
-    network.save(path / "network.npz")
-    print(f"policy: {path / 'network.npz'}")
+    # the best one is there if there was an evaluation; its .zip is not loaded for it
+    network, best = path / "network.npz", path / "best_model.zip"
+    if not network.exists():
+        export(model).save(network)
+    print(f"policy: {network}")
     if args.ship:
         target = trained_network(algorithm, args.scene)
-        network.save(target)
-        model.save(target.with_suffix(".zip"))
+        shutil.copyfile(network, target)
+        archive = best if best.exists() else path / "last_model.zip"
+        shutil.copyfile(archive, target.with_suffix(".zip"))
         print(f"shipped: {target}")
+
+
+class _Exporter(BaseCallback):
+    """Writes the network of the model that has just turned out best."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+
+    def _on_step(self) -> bool:
+        export(self.model).save(self._path)
+        return True
 
 
 def export(model: BaseAlgorithm) -> Network:

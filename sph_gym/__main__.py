@@ -47,7 +47,8 @@ def _parser() -> argparse.ArgumentParser:
     study = commands.add_parser("study", help="measure something and print a table")
     study.set_defaults(function=_study)
     study.add_argument(
-        "name", help="startup, validation, throughput, effects, headroom, exploits, soak"
+        "name",
+        help="startup, validation, throughput, effects, headroom, exploits, soak, stability",
     )
     study.add_argument("--quick", action="store_true", help="coarser and sooner")
     study.add_argument(

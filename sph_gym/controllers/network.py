@@ -1,8 +1,11 @@
 """A small exported policy network that runs in plain NumPy."""
 
+import os
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,16 +40,23 @@ class Network:
         return np.tanh(x) if self.squash == "tanh" else np.clip(x, -1.0, 1.0)
 
     def save(self, path: str | Path) -> None:
-        """Write a .npz file that `load` reads."""
+        """Write a .npz file that `load` reads; a kill leaves all of it or what was there before."""
         layers: dict[str, Any] = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
-        np.savez_compressed(path, activation=self.activation, squash=self.squash, **layers)
+        target = Path(path)
+        draft = target.with_name(f"{target.name}.{os.getpid()}.tmp")
+        try:
+            with draft.open("wb") as file:
+                np.savez_compressed(file, activation=self.activation, squash=self.squash, **layers)
+            os.replace(draft, target)
+        finally:
+            draft.unlink(missing_ok=True)
 
     @staticmethod
     def load(path: str | Path) -> "Network":
         """Read a .npz file; it holds numbers only, no code is run.
 
-        Raises ValueError if the file is no exported network.
+        Raises ValueError if the file is no exported network, or a damaged one.
         """
         try:
             with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
@@ -54,8 +64,20 @@ class Network:
                 weights = tuple(data[f"weight{k}"] for k in range(n_layers))
                 biases = tuple(data[f"bias{k}"] for k in range(n_layers))
                 activation, squash = str(data["activation"]), str(data["squash"])
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
             raise ValueError(f"path: {path} is no exported network ({error})") from None
-        if not weights or squash not in SQUASH or activation not in ("tanh", "relu"):
+        known = squash in SQUASH and activation in ("tanh", "relu")
+        if not (known and weights and _fit(weights, biases)):
             raise ValueError(f"path: {path} is no exported network")
         return Network(weights, biases, activation, squash)
+
+
+def _fit(weights: tuple[Floats, ...], biases: tuple[Floats, ...]) -> bool:
+    """Whether these are finite numbers, and every layer takes what the one before gives."""
+    if not all(part.dtype.kind == "f" and np.isfinite(part).all() for part in weights + biases):
+        return False
+    if not all(weight.ndim == 2 for weight in weights):
+        return False
+    rows = [weight.shape[0] for weight in weights]
+    columns = [weight.shape[1] for weight in weights]
+    return rows[:-1] == columns[1:] and [bias.shape for bias in biases] == [(n,) for n in rows]

@@ -3,7 +3,9 @@
 import hashlib
 import os
 import sys
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, cast
@@ -91,7 +93,8 @@ def jit(function: Function) -> Function:
 
     Numba looks only at a function's own file to see whether its cache is stale, so an edited
     helper would go on running as it was (numba #1833). A folder named by the hash of all sources
-    makes that impossible. Where no folder can be written, compilation works without a cache.
+    makes that impossible. Where no folder can be written, compilation works without a cache; so it
+    does on a full disk and after files were damaged, with a warning.
     """
     config: Any = numba.config
     if config.DISABLE_JIT:
@@ -100,11 +103,39 @@ def jit(function: Function) -> Function:
     previous = config.CACHE_DIR
     config.CACHE_DIR = str(cache_home() / "jit" / source_hash())
     try:
-        return numba.njit(cache=True, **options)(function)
+        return cast(Function, _forgiving(numba.njit(cache=True, **options)(function)))
     except (OSError, RuntimeError):
         return numba.njit(**options)(function)
     finally:
         config.CACHE_DIR = previous
+
+
+def _forgiving(dispatcher: Any) -> Any:
+    """Let a compiled function do without its cache where that fails: it only saves time."""
+    stored = dispatcher._cache
+    load, save = stored.load_overload, stored.save_overload
+
+    def careful_load(*arguments: Any) -> Any:
+        try:
+            return load(*arguments)
+        except Exception as error:  # whatever a torn file raises when it is unpickled
+            _say(f"machine code in {stored.cache_path} is damaged and made anew: {error!r}")
+        with suppress(OSError):
+            stored.flush()
+        return None
+
+    def careful_save(*arguments: Any) -> None:
+        try:
+            save(*arguments)
+        except OSError as error:
+            _say(f"machine code can't be kept in {stored.cache_path}: {error}")
+
+    stored.load_overload, stored.save_overload = careful_load, careful_save
+    return dispatcher
+
+
+def _say(text: str) -> None:
+    warnings.warn(text, stacklevel=2)
 
 
 def jitable(function: Function) -> Function:

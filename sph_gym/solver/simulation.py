@@ -12,6 +12,7 @@ from sph_gym.solver.checks import known, positive, whole
 from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity, Gravity
 from sph_gym.solver.model import particle_mass
+from sph_gym.solver.origin import moved, origin
 from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.state import Controls
 
@@ -55,7 +56,8 @@ class Simulation:
     threads: the most to use, by default one for every 2000 fluid particles and no more than the
     CPUs that the process may use; where more wouldn't pay, fewer are used, and the result is
     bitwise the same for any number. `controls` may be set at any time between two calls.
-    Raises ValueError for unknown names and for less than one thread.
+    Raises ValueError for unknown names, for less than one thread, and for lengths whose powers
+    the precision can't hold.
     """
 
     def __init__(
@@ -78,7 +80,11 @@ class Simulation:
         self.time = 0.0
         self._controls = self._initial_controls()
         brute = self.neighbors == "brute"
-        self.engine = Engine(scene, self._controls, self.mass, self._float, brute, most)
+        # the engine's scene, as seen from there
+        self._origin = origin(scene, self._float)
+        self._local = moved(scene, -self._origin)
+        self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
+        self._check_densities()
         self._acceleration: tuple[Any, Any] | None = None
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
@@ -86,6 +92,15 @@ class Simulation:
         self._power = self._gravity_power()
         self._substeps, self._onset = 0.0, failure.Onset()
         self._nominal_dt()
+
+    def _check_densities(self) -> None:
+        """Refuse lengths whose powers the precision can't hold: no density comes out of them."""
+        rho = self.engine.fluid.rho[: self.n_fluid]
+        if not (np.isfinite(rho) & (rho > 0)).all():
+            raise ValueError(
+                f"dtype: expected one that holds powers of h = {self.scene.h:g} m, got "
+                f"{self.dtype!r}, in which densities are from {rho.min():g} to {rho.max():g}"
+            )
 
     def _default_threads(self) -> int:
         n_fluid = len(np.asarray(self.scene.x))
@@ -201,7 +216,7 @@ class Simulation:
 
     def _gravity_work(self, before: diagnostics.Totals, began: float) -> float:
         """Work of gravity [J/m] since `began` [s]: exact where it is uniform, else trapezoidal."""
-        field, fluid_mass = self.scene.effects.field, self.mass * self.n_fluid
+        field, fluid_mass = self._local.effects.field, self.mass * self.n_fluid
         assert field is not None
         periodic = self.scene.walls is not None and self.scene.walls.is_periodic
         if isinstance(field, Gravity) and not periodic:
@@ -212,10 +227,10 @@ class Simulation:
 
     def _gravity_power(self) -> float:
         """Power of gravity [W/m] on the present state."""
-        field, n = self.scene.effects.field, self.n_fluid
+        field, n = self._local.effects.field, self.n_fluid
         if field is None:
             return 0.0
-        x, v = self.x[:n].astype(np.float64), self.v[:n].astype(np.float64)
+        x, v = self._places[:n].astype(np.float64), self.v[:n].astype(np.float64)
         return self.mass * float((field.on(self.time, x, v) * v).sum())
 
     def _energy_scales(self) -> tuple[float, float]:
@@ -224,7 +239,7 @@ class Simulation:
         At stake are the weight times the size of the fluid, its motion with the speed of the
         walls, and the surface that it may lose.
         """
-        scene, fluid_mass = self.scene, self.mass * self.n_fluid
+        scene, fluid_mass = self._local, self.mass * self.n_fluid
         size = float(np.ptp(np.asarray(scene.x), axis=0).sum()) + scene.dx
         reach = float(np.abs(np.asarray(scene.x)).max()) + size
         weight = 0.0 if scene.effects.field is None else scene.effects.field.strongest(reach)
@@ -243,7 +258,7 @@ class Simulation:
         self._totals = self._sum()
         bad = int(np.flatnonzero(engine.fluid.id == index)[0])
         link, place = failure.broken_link(
-            engine.fluid, engine.walls, self._acceleration_sizes(), bad, self.scene, self.mass
+            engine.fluid, engine.walls, self._acceleration_sizes(), bad, self._local, self.mass
         )
         nearest = float(np.sqrt(engine.nearest_and_count()[0].min())) / self.scene.dx
         cause = failure.cause(self.scene, report.dt, self.sound_speed, link, nearest)
@@ -299,6 +314,12 @@ class Simulation:
     @property
     def x(self) -> Array:
         """(n, 2) positions [m], fluid first, in the order of the scene."""
+        places = self._places
+        return (places + self._origin).astype(self._float) if self._origin.any() else places
+
+    @property
+    def _places(self) -> Array:
+        """(n, 2) positions [m] as the engine counts them."""
         fluid, walls = self.engine.fluid, self.engine.walls
         of_walls = () if walls is None else (walls.x, walls.y)
         return self._columns(fluid.x, fluid.y, *of_walls)
@@ -372,16 +393,16 @@ class Simulation:
             "potential_energy": self._potential_energy(gravity),
             "internal_energy": totals.internal,
             "energy_excess": self._ledger.excess(totals),
-            "com_x": totals.com_x,
-            "com_y": totals.com_y,
+            "com_x": totals.com_x + float(self._origin[0]),
+            "com_y": totals.com_y + float(self._origin[1]),
             "extent_x": survey.extent_x,
             "extent_y": survey.extent_y,
-            "lowest": survey.lowest,
-            "front": survey.front,
+            "lowest": survey.lowest + float(self._origin[1]),
+            "front": survey.front + float(self._origin[0]),
             "adrift": survey.adrift,
             "momentum_x": totals.momentum_x,
             "momentum_y": totals.momentum_y,
-            "angular_momentum": totals.angular_momentum,
+            "angular_momentum": totals.angular_momentum + self._orbital_momentum(),
             "max_speed": totals.max_speed,
             "max_acceleration": math.sqrt(survey.acceleration),
             "mach": totals.max_speed / self.sound_speed,
@@ -391,13 +412,18 @@ class Simulation:
             "time_to_failure": self._onset.time,
         }
 
+    def _orbital_momentum(self) -> float:
+        """Angular momentum [kg m/s] that the engine, counting from elsewhere, doesn't see."""
+        x, y = self._origin.tolist()
+        return x * self._totals.momentum_y - y * self._totals.momentum_x
+
     def _potential_energy(self, gravity: Array) -> float:
         """[J/m] in the uniform part of gravity (2,) [m/s^2], or in a central field."""
-        field, n = self.scene.effects.field, self.n_fluid
+        field, n = self._local.effects.field, self.n_fluid
         if isinstance(field, CentralGravity):
-            r2 = ((self.x[:n].astype(np.float64) - (field.x, field.y)) ** 2).sum()
+            r2 = ((self._places[:n].astype(np.float64) - (field.x, field.y)) ** 2).sum()
             return 0.5 * self.mass * field.omega**2 * float(r2)
-        return -self.mass * n * float(gravity @ self._totals[2:4])
+        return -self.mass * n * float(gravity @ np.add(self._totals[2:4], self._origin))
 
     # --- snapshots --------------------------------------------------------------------------
 

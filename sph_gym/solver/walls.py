@@ -458,7 +458,7 @@ class Walls:
 def _checked_box(box: Any) -> tuple[float, ...]:
     try:
         sides = tuple(float(side) for side in box)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         sides = ()
     if len(sides) != 4 or not (sides[0] < sides[1] and sides[2] < sides[3]):
         raise ValueError(

@@ -11,6 +11,7 @@ from sph_gym.studies import (
     headroom,
     machine,
     soak,
+    stability,
     startup,
     throughput,
     validation,
@@ -26,9 +27,10 @@ _STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "headroom": headroom.measure,
     "exploits": exploits.measure,
     "soak": soak.measure,
+    "stability": stability.measure,
 }
 # Studies that keep finished runs in their folder.
-_KEEPING = ("validation", "headroom", "exploits", "soak")
+_KEEPING = ("validation", "headroom", "exploits", "soak", "stability")
 # What more a study leaves in its folder, from its rows.
 _FINISH: dict[str, Callable[[list[Row], Path], None]] = {"throughput": throughput.finish}
 

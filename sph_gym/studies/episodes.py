@@ -15,6 +15,7 @@ import sph_gym
 from sph_gym.env import actions
 from sph_gym.env.oracle import Step, play
 from sph_gym.env.tuning import TuningEnv
+from sph_gym.studies import store
 
 # (environment, observation) -> action
 Policy = Callable[[Any, Any], Any]
@@ -143,12 +144,4 @@ def _sources() -> str:
 def kept(folder: Path, key: Any, compute: Callable[[], Any]) -> Any:
     """What `compute` returns, as JSON from the folder if these sources have computed it before."""
     digest = hashlib.sha256((_sources() + json.dumps(key)).encode()).hexdigest()[:24]
-    path = folder / f"{digest}.json"
-    if path.exists():
-        return json.loads(path.read_text())["result"]
-    result = compute()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_suffix(".tmp")
-    draft.write_text(json.dumps({"key": key, "result": result}))
-    draft.replace(path)
-    return json.loads(path.read_text())["result"]
+    return store.kept(folder / f"{digest}.json", key, compute)

@@ -24,7 +24,7 @@ from sph_gym.scenes.reference import Chart, Curve, Measure
 from sph_gym.solver.checks import known
 from sph_gym.solver.jit import source_hash
 from sph_gym.solver.simulation import Simulation
-from sph_gym.studies import gallery
+from sph_gym.studies import gallery, store
 from sph_gym.studies.table import Row
 
 FOLDER = Path("runs/studies")
@@ -122,8 +122,9 @@ def orders(results: Sequence[Result]) -> Iterator[Row]:
 def run(name: str, arguments: dict[str, Any], folder: Path, again: bool = False) -> Result:
     """One run, from the folder if it is there; with a progress bar."""
     path = folder / "validation" / f"{name}-{_key(name, arguments)}.json"
-    if path.exists() and not again:
-        return _read(path)
+    stored = None if again else _read(path)
+    if stored is not None:
+        return stored
     reference = scenes.reference(name)
     assert reference is not None
     sim = Simulation(scenes.make(name, **arguments))
@@ -206,14 +207,15 @@ def _write(result: Result, path: Path) -> None:
         [found.quantity, float(found.value), found.unit, found.bound] for found in result.measures
     ]
     fields = result._replace(measures=measures, chart=[chart.x_label, chart.y_label, curves])  # type: ignore[arg-type]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(fields._asdict()))
-    temporary.replace(path)
+    store.write(path, {"result": fields._asdict()})
 
 
-def _read(path: Path) -> Result:
-    fields = json.loads(path.read_text())
+def _read(path: Path) -> Result | None:
+    """A finished run; None if there is none or it is damaged."""
+    stored = store.read(path)
+    if stored is None:
+        return None
+    fields = stored["result"]
     x_label, y_label, curves = fields.pop("chart")
     measures = [Measure(*found) for found in fields.pop("measures")]
     chart = Chart(x_label, y_label, [Curve(*curve) for curve in curves])

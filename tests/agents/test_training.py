@@ -42,6 +42,12 @@ def test_train_export_resume(tmp_path, small, algorithm, kind):
     policy = build(Spec(algorithm, network=str(path / "network.npz")), seed=0)
     assert env.action_space.contains(policy(env, observation))
     arguments.steps, arguments.resume = 96, True
+    with pytest.raises(ValueError, match=r"trust_checkpoints: .* pickles"):
+        training.train(kind, algorithm, arguments)
+    arguments.trust_checkpoints = True
+    # killed while it wrote the newest
+    torn = training.newest_checkpoint(path).with_name(f"{algorithm}_999999_steps.zip")
+    torn.write_bytes(b"PK half of it")
     training.train(kind, algorithm, arguments)
     assert training.newest_checkpoint(path).exists()
     assert list((path / "tensorboard").rglob("events*"))

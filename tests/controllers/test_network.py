@@ -1,4 +1,6 @@
 import itertools
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,6 +40,52 @@ def test_files_that_are_no_networks_are_refused(tmp_path):
     (tmp_path / "text.npz").write_text("hello")
     np.savez(tmp_path / "other.npz", a=np.ones(3))
     np.savez(tmp_path / "pickle.npz", weight0=np.array([object()]))
-    for name in ("text.npz", "other.npz", "pickle.npz", "missing.npz"):
+    network().save(tmp_path / "whole.npz")
+    whole = (tmp_path / "whole.npz").read_bytes()
+    (tmp_path / "torn.npz").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "header.npz").write_bytes(b"PK\x03\x04 torn")
+    middle = len(whole) // 3
+    changed = whole[:middle] + bytes(byte ^ 255 for byte in whole[middle : middle + 40])
+    (tmp_path / "changed.npz").write_bytes(changed + whole[middle + 40 :])
+    first, second = network().weights
+    for name, weights in (("shapes", (first, first)), ("nan", (first, second * np.nan))):
+        replace(network(), weights=weights).save(tmp_path / f"{name}.npz")
+    names = ("text", "other", "pickle", "missing", "torn", "header", "changed", "shapes", "nan")
+    for name in names:
         with pytest.raises(ValueError, match="no exported network"):
-            Network.load(tmp_path / name)
+            Network.load(tmp_path / f"{name}.npz")
+
+
+class Trap:
+    """Unpickling it would leave a trace."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return Path.touch, (self.path,)
+
+
+def test_loading_runs_no_code_from_the_file(tmp_path):
+    trace = tmp_path / "trace"
+    np.savez(tmp_path / "trap.npz", weight0=np.array([Trap(trace)], dtype=object))
+    with pytest.raises(ValueError, match="no exported network"):
+        Network.load(tmp_path / "trap.npz")
+    assert not trace.exists()
+    # the trap works
+    np.load(tmp_path / "trap.npz", allow_pickle=True)["weight0"]
+    assert trace.exists()
+
+
+def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
+    network().save(tmp_path / "n.npz")
+    before = (tmp_path / "n.npz").read_bytes()
+
+    def half(file, **arrays):
+        file.write(b"half")
+        raise OSError("no space left")
+
+    monkeypatch.setattr(np, "savez_compressed", half)
+    with pytest.raises(OSError, match="no space"):
+        network("relu").save(tmp_path / "n.npz")
+    assert (tmp_path / "n.npz").read_bytes() == before

@@ -110,3 +110,74 @@ def test_without_a_folder_to_write_to_it_still_runs(tmp_path):
 
 def test_fast_math_leaves_what_is_not_finite_alone():
     assert not FASTMATH & {"nnan", "ninf", "fast"}
+
+
+# --- A cache that fails ---------------------------------------------------------------------
+
+
+def again(folder, cache):
+    """SMALL once more; what it printed, and its warnings."""
+    environment = os.environ | {
+        "SPH_GYM_CACHE": str(cache),
+        "NUMBA_DISABLE_JIT": "0",
+        "PYTHONPATH": str(SOLVER.parents[1]),
+    }
+    done = subprocess.run(
+        [sys.executable, "-W", "always::UserWarning", folder / "small.py"],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout.strip(), done.stderr
+
+
+@pytest.mark.parametrize(("kind", "content"), [("nbi", b""), ("nbc", None)])
+def test_damaged_machine_code_is_made_anew_with_a_warning(tmp_path, kind, content):
+    cache = tmp_path / "cache"
+    run(tmp_path, cache)
+    [file] = cache.glob(f"jit/*/**/small.bounce*.{kind}")
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2] if content is None else content)
+    shown, warning = again(tmp_path, cache)
+    assert shown == "(0.0, 1.0)"
+    assert "is damaged and made anew" in warning
+    assert again(tmp_path, cache) == ("(0.0, 1.0)", "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no disk that is always full")
+def test_on_a_full_disk_it_runs_with_a_warning(tmp_path, monkeypatch):
+    from numba.core.caching import IndexDataCacheFile
+
+    def full(*arguments):
+        Path("/dev/full").write_text("no room for this")
+
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
+    monkeypatch.setattr(IndexDataCacheFile, "save", full)
+
+    @jit.jit
+    def twice(x):
+        return 2 * x
+
+    with pytest.warns(UserWarning, match=r"can't be kept in .*No space left"):
+        assert twice(21) == 42
+
+
+def test_two_processes_may_fill_one_cache_at_once(tmp_path):
+    script, cache = tmp_path / "small.py", tmp_path / "cache"
+    script.write_text(SMALL)
+    environment = os.environ | {
+        "SPH_GYM_CACHE": str(cache),
+        "NUMBA_DISABLE_JIT": "0",
+        "PYTHONPATH": str(SOLVER.parents[1]),
+    }
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-W", "error", script],
+            env=environment,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    assert [each.communicate()[0].strip() for each in both] == ["(0.0, 1.0)"] * 2
+    assert run(tmp_path, cache) == "(0.0, 1.0)"

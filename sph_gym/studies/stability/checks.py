@@ -1,0 +1,117 @@
+"""What is looked at after every frame, and comparisons of runs that must agree."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from sph_gym.solver import engine, teams
+from sph_gym.solver.diagnostics import Ledger
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Report, Simulation
+
+FIELDS = ("x", "v", "rho", "p", "a")
+CAUSES = ("cfl", "stiffness", "clumping", "tunnelling", "energy", "nan")
+LINKS = ("neighbours", "density", "pressure", "force", "integration", "walls")
+# Faster [m/s] is a blow-up by the solver's own contract.
+TOP_SPEED = 5000.0
+
+
+def is_finite(sim: Simulation) -> bool:
+    """Whether every number of the state is."""
+    return all(bool(np.isfinite(getattr(sim, field)).all()) for field in FIELDS)
+
+
+def is_silent(sim: Simulation, report: Report) -> bool:
+    """Whether something went wrong without a word, or a blow-up without its story."""
+    if not is_finite(sim):
+        return True
+    if report.diverged:
+        told = report.cause in CAUSES and report.link in LINKS
+        return not (told and 0 <= report.bad_particle < sim.n_fluid)
+    numbers = sim.diagnostics()
+    return numbers["max_speed"] > TOP_SPEED or not numbers["energy_excess"] <= Ledger.TOLERANCE
+
+
+def momentum(sim: Simulation) -> Any:
+    """(2,) [kg/s], summed in double precision."""
+    return sim.mass * sim.v[: sim.n_fluid].astype(np.float64).sum(axis=0)
+
+
+# --- Runs that must agree -------------------------------------------------------------------
+
+
+@contextmanager
+def eager_threads() -> Iterator[None]:
+    """Even the smallest fluid and the shortest call are shared by all threads.
+
+    The solver shares only what is worth it; that it is right does not depend on it.
+    """
+    limits = engine.PARTICLES_PER_THREAD, engine.WORTH_WAKING
+    choose: Any = teams.Pace.choose
+    engine.PARTICLES_PER_THREAD, engine.WORTH_WAKING = 1, 1
+    teams.Pace.choose = lambda self, most: most  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        engine.PARTICLES_PER_THREAD, engine.WORTH_WAKING = limits
+        teams.Pace.choose = choose  # type: ignore[method-assign]
+
+
+Advance = Callable[[Simulation], Report]
+
+
+def threads_differ(scene: Scene, dtype: str, advance: Advance, frames: int) -> int:
+    """In how many fields, reports included, runs on one and two threads differ by any bit."""
+    with eager_threads():
+        single, double = (Simulation(scene, dtype, threads=n) for n in (1, 2))
+        reports = [[advance(sim) for _ in range(frames)] for sim in (single, double)]
+    wrong = sum(
+        getattr(single, field).tobytes() != getattr(double, field).tobytes() for field in FIELDS
+    )
+    return wrong + (reports[0] != reports[1])
+
+
+def grid_gap(sim: Simulation) -> float:
+    """Largest difference of rho, p and a between grid and brute force on the present state.
+
+    In multiples of the largest magnitude of each field, and of pressure and acceleration at least
+    of those of a flow at Mach 0.1: at rest, both are small differences of densities.
+    """
+    brute = Simulation(sim.scene, sim.dtype, "brute", threads=1)
+    brute.restore(sim.snapshot())
+    for each in (sim, brute):
+        each.evaluate()
+    dynamic = (0.1 * sim.sound_speed) ** 2
+    least = {"rho": 0.0, "p": sim.scene.fluid.rho0 * dynamic, "a": dynamic / sim.scene.h}
+    gaps = []
+    for field, floor in least.items():
+        one, other = (getattr(each, field).astype(np.float64) for each in (sim, brute))
+        largest = max(float(np.abs(other).max()), floor)
+        gaps.append(float(np.abs(one - other).max()) / largest)
+    return max(gaps)
+
+
+def run_gap(scene: Scene, dtype: str, advance: Advance, frames: int) -> float:
+    """How far apart runs on grid and brute force are after some frames, by their observables.
+
+    Centre of mass and extents in dx, kinetic energy as a share of the larger one and of that of
+    Mach 0.01; the largest counts.
+    """
+    ends = []
+    for neighbors in ("grid", "brute"):
+        sim = Simulation(scene, dtype, neighbors, threads=1)
+        for _ in range(frames):
+            if advance(sim).diverged:
+                break
+        ends.append(sim.diagnostics())
+    one, other = ends
+    lengths = [abs(one[name] - other[name]) / scene.dx for name in LENGTHS]
+    least = 0.5 * 1e-4 * scene.fluid.c0**2 * scene.fluid.rho0 * scene.dx**2
+    energies = [each["kinetic_energy"] for each in ends]
+    gap = abs(energies[0] - energies[1]) / max(*energies, least)
+    return max(gap, *lengths)
+
+
+LENGTHS = ("com_x", "com_y", "extent_x", "extent_y")

@@ -1,0 +1,202 @@
+"""Where a tunable scene stays stable: runs with constant controls on a grid of all three."""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sph_gym.env import instances
+from sph_gym.solver import stepping, teams
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.state import Controls
+from sph_gym.studies import store
+from sph_gym.studies.table import Row
+
+# A run is judged by its mean compression, as the environments do.
+TOLERANCE = 0.01
+# How finely the limit of a column is found: this often the ratio of two steps is halved.
+HALVINGS = 3
+
+
+class Grid(NamedTuple):
+    """dt in multiples of 0.4 h / c0, sound speeds in multiples of c0, epsilons.
+
+    share: of the scene's duration that is run.
+    """
+
+    dt: tuple[float, ...] = tuple(np.geomspace(0.25, 16.0, 10).tolist())
+    sound: tuple[float, ...] = tuple(np.geomspace(0.1, 1.6, 7).tolist())
+    xsph: tuple[float, ...] = (0.0, 0.3, 0.6)
+    share: float = 1.0
+
+
+FULL = Grid()
+QUICK = Grid((0.5, 2.0, 8.0), (0.2, 1.0), (0.3,), 0.1)
+
+
+class Point(NamedTuple):
+    """What became of a run with constant controls.
+
+    cause: of its blow-up, or "" if there was none; density: mean over time of the mean
+    compression; substeps: all of them, as many as there would have been without a blow-up;
+    acceleration: the largest [m/s^2].
+    """
+
+    cause: str
+    density: float
+    substeps: int
+    acceleration: float
+
+
+class Map(NamedTuple):
+    """The runs of a scene by index of epsilon, sound speed and dt, and what they lead to.
+
+    limits: (n_xsph, n_sound) largest stable steps [s]; nan where none is. acceleration: (n_sound,)
+    largest [m/s^2] of the finest stable run of each sound speed.
+    """
+
+    scene: Scene
+    grid: Grid
+    points: dict[tuple[int, int, int], Point]
+    limits: Any
+    acceleration: Any
+
+    def dt(self, k: int) -> float:
+        """Step [s] number k."""
+        return self.grid.dt[k] * unit(self.scene)
+
+    def rule(self, k: int) -> dict[str, float]:
+        """The article's three limits [s] at sound speed number k; inf where there is none."""
+        scene, a = self.scene, float(self.acceleration[k])
+        c, nu = self.grid.sound[k] * scene.fluid.c0, scene.effects.laminar_viscosity
+        return {
+            "CFL": stepping.COURANT * scene.h / c,
+            "force": stepping.FORCE * math.sqrt(scene.h / a) if a > 0 else math.inf,
+            "viscous": scene.viscous_share * scene.h**2 / nu if nu else math.inf,
+        }
+
+
+def unit(scene: Scene) -> float:
+    """The article's acoustic step [s] at the nominal stiffness."""
+    return stepping.COURANT * scene.h / scene.fluid.c0
+
+
+def nominal(name: str) -> Scene:
+    """The scene of an environment as it is."""
+    return instances.instance(name, "nominal", 0).build()
+
+
+def run(scene: Scene, dt: float, sound: float, xsph: float, share: float) -> Point:
+    """A run with dt [s], sound speed `sound` c0 and epsilon over a share of the duration."""
+    sim = Simulation(scene, threads=1)
+    sim.controls = Controls(dt, scene.fluid.stiffness(sound * scene.fluid.c0), xsph)
+    # a frame, but never less than a step, which would be cut
+    seconds = max(round(scene.frame / dt), 1) * dt
+    end, looks, fastest = share * scene.duration, [0.0], 0.0
+    while sim.time < end - 1e-9:
+        report = sim.advance(seconds)
+        if report.diverged:
+            return Point(report.cause, math.nan, math.ceil(end / dt), fastest)
+        numbers = sim.diagnostics()
+        looks.append(numbers["density_error"])
+        fastest = max(fastest, numbers["max_acceleration"])
+    return Point("", float(np.mean(looks)), math.ceil(end / dt), fastest)
+
+
+def survey(name: str, grid: Grid, folder: Path, look: Callable[[], Any] = lambda: None) -> Map:
+    """All runs of a scene, on all processors; finished ones are kept in the folder.
+
+    look: called after every run.
+    """
+    scene = nominal(name)
+    columns = list(itertools.product(range(len(grid.xsph)), range(len(grid.sound))))
+    play = partial(_kept, name, scene, grid, folder, look)
+    points: dict[tuple[int, int, int], Point] = {}
+    limits = np.full((len(grid.xsph), len(grid.sound)), math.nan)
+    # compiled loops let go of the interpreter; the first run compiles
+    play(grid.dt[-1], grid.sound[0], grid.xsph[0])
+    with ThreadPoolExecutor(teams.most_threads()) as pool:
+        found = pool.map(lambda column: _column(grid, play, *column), columns)
+        for (i, j), (column, limit) in zip(columns, found, strict=True):
+            points |= {(i, j, k): point for k, point in enumerate(column)}
+            limits[i, j] = limit * unit(scene)
+    return Map(scene, grid, points, limits, _accelerations(grid, points))
+
+
+Play = Callable[[float, float, float], Point]
+
+
+def _kept(
+    name: str, scene: Scene, grid: Grid, folder: Path, look: Callable[[], Any],
+    dt: float, sound: float, xsph: float,
+) -> Point:  # fmt: skip
+    key = [name, dt, sound, xsph, grid.share]
+    path = folder / store.name(key, Path(__file__))
+    found = store.kept(path, key, lambda: run(scene, dt * unit(scene), sound, xsph, grid.share))
+    look()
+    return Point(*found)
+
+
+def _column(grid: Grid, play: Play, i: int, j: int) -> tuple[list[Point], float]:
+    """The points of an epsilon and a sound speed, and the largest stable step [unit]."""
+    sound, xsph = grid.sound[j], grid.xsph[i]
+    points = [play(dt, sound, xsph) for dt in grid.dt]
+    bad = next((k for k, point in enumerate(points) if point.cause), len(points))
+    if bad == 0:
+        return points, math.nan
+    low = grid.dt[bad - 1]
+    if bad == len(points):
+        return points, low
+    high = grid.dt[bad]
+    for _ in range(HALVINGS):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if play(middle, sound, xsph).cause else (middle, high)
+    return points, low
+
+
+def _accelerations(grid: Grid, points: dict[tuple[int, int, int], Point]) -> Any:
+    largest = np.zeros(len(grid.sound))
+    for j in range(len(grid.sound)):
+        fine = [points[i, j, 0] for i in range(len(grid.xsph))]
+        largest[j] = max((point.acceleration for point in fine if not point.cause), default=0.0)
+    return largest
+
+
+def n_runs(grid: Grid) -> int:
+    """At most so many runs a scene."""
+    columns = len(grid.xsph) * len(grid.sound)
+    return columns * (len(grid.dt) + HALVINGS) + 1
+
+
+def rows(name: str, found: Map) -> Iterator[Row]:
+    """The measured limit as a multiple of the article's rule; at least 1 where the rule holds."""
+    grid = found.grid
+    rules = np.array([min(found.rule(j).values()) for j in range(len(grid.sound))])
+    for i, xsph in enumerate(grid.xsph):
+        multiples = found.limits[i] / rules
+        for j, sound in enumerate(grid.sound):
+            case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
+            yield Row("limit / article's rule", case, float(multiples[j]), "", 1.0, at_least=True)
+    blown = sum(bool(point.cause) for point in found.points.values())
+    yield Row("runs that blew up", name, float(blown), f"of {len(found.points)}")
+    yield Row("nominal step / limit", name, _margin(found), "", 1.0)
+
+
+def _margin(found: Map) -> float:
+    """The scene's own step as a share of the limit nearest to its stiffness and epsilon."""
+    grid, scene = found.grid, dataclasses.replace(found.scene)
+    sim = Simulation(scene, threads=1)
+    j = _nearest(grid.sound, sim.sound_speed / scene.fluid.c0)
+    i = _nearest(grid.xsph, sim.controls.xsph)
+    return sim.controls.dt / float(found.limits[i, j])
+
+
+def _nearest(values: Sequence[float], wanted: float) -> int:
+    return int(np.argmin(np.abs(np.array(values) - wanted)))

@@ -1,0 +1,58 @@
+"""Memory over many steps: it must not grow."""
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from sph_gym.solver.simulation import Simulation
+from sph_gym.studies.stability import tanks
+from sph_gym.studies.stability.case import article
+from sph_gym.studies.table import Row
+
+STEPS, QUICK_STEPS = 1_000_000, 5_000
+# What may come and go, with Python's own pools [MB].
+BOUND = 4.0
+# Looks in which the run is done.
+LOOKS = 100
+
+
+def resident() -> float:
+    """Memory of this process [MB]; where the system tells only its peak, that; else nan."""
+    try:
+        import resource
+    except ImportError:
+        return math.nan
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return pages * resource.getpagesize() / 2**20
+
+
+def growth(steps: int, look: Callable[[], Any] = lambda: None) -> float:
+    """Memory gained [MB] over the last nine tenths of so many steps of a small dam break.
+
+    With all that an agent does in between: controls, diagnostics, snapshots. look: called a
+    hundred times.
+    """
+    sim, before = Simulation(tanks.dam(0.1), threads=1), math.nan
+    n_frames = math.ceil(steps / tanks.FRAME / LOOKS)
+    for share in range(LOOKS):
+        for frame in range(n_frames):
+            sim.controls = article(sim, frame)._replace(dt=sim.nominal_controls.dt)
+            sim.advance(tanks.FRAME * sim.controls.dt)
+            sim.diagnostics()
+        sim.restore(sim.snapshot())
+        if share == LOOKS // 10 - 1:
+            before = resident()
+        look()
+    return resident() - before
+
+
+def rows(quick: bool, look: Callable[[], Any]) -> Iterator[Row]:
+    """Growth over 10^6 steps, or over some thousand."""
+    steps = QUICK_STEPS if quick else STEPS
+    gained = growth(steps, look)
+    if math.isfinite(gained):
+        yield Row("memory gained", f"{steps:,} steps", gained, "MB", BOUND)

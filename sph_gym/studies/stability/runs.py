@@ -1,0 +1,147 @@
+"""A case in one of its variants, from start to end: what became of it, in numbers."""
+
+import math
+import time
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from sph_gym.solver.simulation import Report, Simulation
+from sph_gym.studies.stability import checks
+from sph_gym.studies.stability.case import Case, Variant
+
+# Frames in which one and two threads, and grid and brute force, are compared.
+COMPARED = 3
+# Of particles, above which brute force isn't asked.
+AFFORDABLE = 3000
+
+
+class Outcome(NamedTuple):
+    """What became of a run; the worst of all sizes, and of all frames.
+
+    substeps; blowups: reported ones; cause: of the first; silent: frames in which something went
+    wrong without a report, or with one that doesn't say what; passed: most particles on the wrong
+    side of a wall; excess: energy from nowhere, as a share of what is at stake; drift: of the
+    momentum, as a share of mass times largest speed; density: largest mean compression of the
+    second half; p99: its 99th percentile; lowest: smallest rho / rho0; fastest: [m/s]; threads:
+    fields that differ between one thread and two; grid: largest difference of the evaluation by
+    grid and by brute force; observables: difference of runs by grid and by brute force; seconds:
+    wall clock.
+    """
+
+    substeps: int = 0
+    blowups: int = 0
+    cause: str = ""
+    silent: int = 0
+    passed: int = 0
+    excess: float = -math.inf
+    drift: float = 0.0
+    density: float = 0.0
+    p99: float = 0.0
+    lowest: float = math.inf
+    fastest: float = 0.0
+    threads: int = 0
+    grid: float = 0.0
+    observables: float = 0.0
+    seconds: float = 0.0
+
+
+# Which of two is the worse; what is no number is worst of all, which Python's max overlooks.
+_WORSE: dict[str, Any] = {
+    "substeps": lambda a, b: a + b,
+    "blowups": lambda a, b: a + b,
+    "cause": lambda a, b: a or b,
+    "silent": lambda a, b: a + b,
+    "lowest": lambda a, b: float(np.minimum(a, b)),
+    "seconds": lambda a, b: a + b,
+}
+
+
+def _larger(a: float, b: float) -> float:
+    return type(a)(np.maximum(a, b))
+
+
+def worst(one: Outcome, other: Outcome) -> Outcome:
+    """Both in one: sums of what is counted, the worse of what is measured."""
+    values = (
+        _WORSE.get(name, _larger)(getattr(one, name), getattr(other, name)) for name in one._fields
+    )
+    return Outcome(*values)
+
+
+def run(case: Case, variant: Variant, quick: bool = False) -> Outcome:
+    """All sizes of a case in a variant; quick: fewer frames, and every tenth size."""
+    began, found = time.perf_counter(), Outcome()
+    for size in case.sizes[:: 10 if quick else 1]:
+        found = worst(found, _Run(case, variant, size, quick).outcome())
+    return found._replace(seconds=time.perf_counter() - began)
+
+
+class _Run:
+    """One simulation of a case."""
+
+    def __init__(self, case: Case, variant: Variant, size: Any, quick: bool) -> None:
+        self.case, self.dtype = case, variant.dtype
+        self.frames = case.quick if quick else case.frames
+        self.scene = case.scene(variant, size)
+        self.sim = Simulation(self.scene, self.dtype, threads=1)
+        self._taken: WeakKeyDictionary[Simulation, int] = WeakKeyDictionary()
+
+    def advance(self, sim: Simulation) -> Report:
+        """The next frame, with the controls that the case sets."""
+        frame = self._taken.get(sim, 0)
+        self._taken[sim] = frame + 1
+        sim.controls = self.case.steer(sim, frame)
+        return sim.advance(self.scene.frame)
+
+    def outcome(self) -> Outcome:
+        """Run it, look at every frame, then compare."""
+        found = self._look(Report(0, 0.0), 0)
+        start, mass = checks.momentum(self.sim), self.sim.mass * self.sim.n_fluid
+        for frame in range(self.frames):
+            if frame == self.frames // 4:
+                found = worst(found, self._exactness())
+            report = self.advance(self.sim)
+            found = worst(found, self._look(report, frame))
+            if report.diverged:
+                break
+        drift = float(np.hypot(*(checks.momentum(self.sim) - start)))
+        share = drift / (mass * max(found.fastest, 1e-3 * self.scene.fluid.c0))
+        return worst(found._replace(drift=share), self._compare())
+
+    def _look(self, report: Report, frame: int) -> Outcome:
+        sim = self.sim
+        numbers = sim.diagnostics()
+        late = 2 * frame >= self.frames
+        return Outcome(
+            substeps=report.n_substeps,
+            blowups=int(report.diverged),
+            cause=report.cause,
+            silent=int(checks.is_silent(sim, report)),
+            passed=self.case.passed(sim),
+            excess=numbers["energy_excess"],
+            density=numbers["density_error"] if late else 0.0,
+            p99=numbers["density_error_p99"] if late else 0.0,
+            lowest=float(sim.rho[: sim.n_fluid].min()) / self.scene.fluid.rho0,
+            fastest=numbers["max_speed"],
+        )
+
+    def _exactness(self) -> Outcome:
+        """How far grid and brute force are apart on the present state."""
+        return Outcome(grid=checks.grid_gap(self.sim)) if self._comparable else Outcome()
+
+    @property
+    def _comparable(self) -> bool:
+        """Whether brute force is exact and affordable."""
+        cheap = self.case.brute and self.sim.n_particles <= AFFORDABLE
+        return self.dtype == "float64" and cheap
+
+    def _compare(self) -> Outcome:
+        """The end of the run by brute force, and its beginning on two threads and without grid."""
+        frames = min(COMPARED, self.frames)
+        found = Outcome(threads=checks.threads_differ(self.scene, self.dtype, self.advance, frames))
+        if not self._comparable:
+            return found
+        gap = checks.run_gap(self.scene, self.dtype, self.advance, frames)
+        return worst(found._replace(observables=gap), self._exactness())

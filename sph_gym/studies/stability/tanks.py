@@ -1,0 +1,161 @@
+"""Hard cases in tanks: violent flows, extreme shapes, and controls that nobody should set."""
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sph_gym import scenes
+from sph_gym.scenes import waves
+from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
+from sph_gym.solver.gravity import ShakenGravity
+from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
+from sph_gym.solver.walls import Walls
+from sph_gym.studies.stability.case import (
+    Case,
+    overstepping,
+    smoothed,
+    stepping,
+    stiff_at_once,
+    stiffened,
+    switching,
+)
+
+G = 9.81
+DX = 0.04
+FRAME = 10
+
+
+def tank(
+    x: Any, dx: float, width: float, height: float, c0: float, v: Any = None, **effects: Any
+) -> Scene:
+    """Particles in a tank of boundary particles with a clamping box behind their face."""
+    width = snap(width, dx)
+    acting: dict[str, Any] = {"gravity": (0.0, -G), "xsph": True, "artificial_viscosity": 0.05}
+    acting |= effects
+    return Scene(
+        "hard case",
+        x=x,
+        v=v,
+        dx=dx,
+        h=2.6 * dx,
+        fluid=Fluid(c0=c0),
+        effects=Effects(**acting),
+        walls=Walls(particles=tank_particles(width, height, dx), box=(0.0, width, 0.0, math.inf)),
+        frame=FRAME * 0.4 * 2.6 * dx / c0,
+    )
+
+
+def speed(height: float) -> float:
+    """The sound speed [m/s] for what falls from a height [m]."""
+    return sound_speed(math.sqrt(2 * G * height))
+
+
+def dam(dx: float, n: float = 1.0, **effects: Any) -> Scene:
+    """A column that collapses, n times the usual 0.4 m x 0.8 m."""
+    width, height = 0.4 * n, 0.8 * n
+    x = lattice(0.0, width, 0.0, height, dx)
+    return tank(x, dx, 3 * width, 1.25 * height, speed(height), **effects)
+
+
+def column(dx: float) -> Scene:
+    """Ten times as high as wide, against a wall."""
+    return tank(lattice(0.0, 0.24, 0.0, 2.4, dx), dx, 1.2, 3.0, speed(2.4))
+
+
+def film(dx: float) -> Scene:
+    """One layer of particles on a floor 60 spacings wide."""
+    width = 60 * DX
+    return tank(lattice(0.0, width, 0.0, dx, dx), dx, width, 0.3, speed(0.3))
+
+
+def scattered(dx: float) -> Scene:
+    """A tank filled at random."""
+    n = round(0.8 * 0.4 / dx**2)
+    x = np.random.default_rng(3).uniform(0.0, 1.0, (n, 2)) * (0.8, 0.4)
+    return tank(x, dx, 0.8, 0.6, speed(0.6))
+
+
+def pool(dx: float, width: float = 0.8, depth: float = 0.24) -> Any:
+    """Water at rest."""
+    return lattice(0.0, snap(width, dx), 0.0, depth, dx)
+
+
+def stray(dx: float) -> Scene:
+    """A particle that hits a pool at 100 m/s."""
+    x = np.concatenate([pool(dx), [(0.4, 0.24 + 3 * dx)]])
+    v = np.zeros_like(x)
+    v[-1] = 30.0, -95.4
+    return tank(x, dx, 0.8, 0.6, speed(0.6), v=v)
+
+
+def fast_drop(dx: float) -> Scene:
+    """A drop that hits a pool at half the speed of sound."""
+    drop, still = disc(0.4, 0.24 + 0.16 + 2 * dx, 0.16, dx), pool(dx)
+    v = np.concatenate([np.zeros_like(still), np.tile((0.0, -0.5 * 20.0), (len(drop), 1))])
+    return tank(np.concatenate([still, drop]), dx, 0.8, 0.8, 20.0, v=v)
+
+
+def shaken(dx: float) -> Scene:
+    """A tank that is shaken along x in the first natural period of its water."""
+    width, depth = snap(0.8, dx), 0.24
+    frequency = waves.frequency(1, width, depth, G) / (2 * math.pi)
+    gravity = ShakenGravity(0.0, -G, (0.15 * G, 0.0), frequency)
+    return tank(pool(dx), dx, width, 0.8, speed(0.8), gravity=gravity)
+
+
+def at_rest(dx: float) -> Scene:
+    """The tank of `hydrostatic_tank` for a minute."""
+    return scenes.make("hydrostatic_tank", dx=dx, width=0.4, depth=0.4, seconds=60.0)
+
+
+def long_tank(dx: float, length: float) -> Scene:
+    """A shallow pool whose length need not be a multiple of anything."""
+    x = lattice(0.0, length, 0.0, 4 * dx, dx)
+    return tank(x, dx, length, 8 * dx, speed(8 * dx))
+
+
+def flows() -> Iterator[Case]:
+    """What is hard about the flow."""
+    flow = partial(Case, dx=DX, density=0.01)
+    yield flow("random places in a tank", scattered)
+    yield flow("stray particle at 100 m/s", stray)
+    # where it hits, a flow at Mach M is compressed by M^2 / 2, here an eighth
+    yield flow("drop impact at Mach 0.5", fast_drop, density=0.05)
+    yield flow("column 10:1", column)
+    yield flow("film of one particle", film)
+    yield flow("water at rest for 60 s", at_rest, frames=1200, quick=8)
+    yield flow("shaken at resonance", shaken, frames=300)
+    lengths = tuple(np.linspace(0.5, 5.0, 50).tolist())
+    yield flow("tanks of 0.5 to 5 m", long_tank, frames=12, quick=2, sizes=lengths)
+    yield flow("high viscosity", partial(dam, laminar_viscosity=5.0))
+    yield flow("100,000 particles", partial(dam, n=1.0), dx=0.0018, frames=3, quick=1, brute=False)
+
+
+def settings() -> Iterator[Case]:
+    """What is hard about the controls: a dam break each."""
+    case = partial(Case, build=dam, dx=DX, density=0.01)
+    for factor in (0.05, 0.3, 1.0):
+        yield case(f"dt x {factor:g}", steer=overstepping(factor))
+    for factor in (1.5, 2.0, 2.5, 3.0, 4.0):
+        yield case(f"dt x {factor:g}", steer=overstepping(factor), stable=False)
+    yield case("dt of the start for ever", steer=stepping(1.0))
+    yield case("stiffness x 100", steer=stiffened(100.0), quick=4)
+    yield case("stiffness / 100", steer=stiffened(0.01), density=0.2)
+    yield case("stiffness x 100 at the old dt", steer=stiff_at_once(100.0), stable=False)
+    yield case(
+        "stiffness switched every frame",
+        steer=switching(stiffened(1.0), stiffened(25.0), stiffened(0.04)),
+        density=0.05,
+    )
+    yield case("dt switched every frame", steer=switching(overstepping(1.0), overstepping(0.05)))
+    for epsilon in (0.0, 1.0):
+        yield case(f"epsilon = {epsilon:g}", steer=smoothed(epsilon))
+
+
+def cases() -> Iterator[Case]:
+    """All of them."""
+    yield from flows()
+    yield from settings()

@@ -1,0 +1,78 @@
+"""Finished runs on disk: whole or not there at all, and done again where they can't be read."""
+
+import hashlib
+import json
+import os
+import threading
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import sph_gym
+from sph_gym.solver.jit import source_hash
+
+
+def name(key: Any, *own: Path) -> str:
+    """File name of a result: a hash of what was computed and of all sources that it depends on.
+
+    own: the files of the study; those of the solver, of scenes and environments always count.
+    """
+    found = hashlib.sha256(_sources(own) + json.dumps(key).encode())
+    return f"{found.hexdigest()[:24]}.json"
+
+
+@cache
+def _sources(own: tuple[Path, ...]) -> bytes:
+    root = Path(sph_gym.__file__).parent
+    parts = ("solver", "scenes", "env", "controllers")
+    found = [path for part in parts for path in sorted((root / part).glob("*.py"))]
+    everything = b"".join(path.name.encode() + path.read_bytes() for path in (*found, *own))
+    # of the compiler, the interpreter and the processor
+    return source_hash().encode() + hashlib.sha256(everything).digest()
+
+
+def kept(path: Path, key: Any, compute: Callable[[], Any]) -> Any:
+    """What `compute` returns, as JSON has it; from `path` if it was computed before.
+
+    key: what was computed, for people who look into the file. Raises OSError that names the file
+    if it can't be written.
+    """
+    stored = read(path)
+    if stored is None:
+        stored = json.loads(json.dumps({"key": key, "result": compute()}))
+        write(path, stored)
+    return stored["result"]
+
+
+def read(path: Path) -> Any:
+    """A stored object with a "result"; None if there is none or it is damaged."""
+    try:
+        stored = json.loads(path.read_text())
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        warnings.warn(f"{path} can't be read and is made anew: {error}", stacklevel=2)
+        return None
+    if not isinstance(stored, dict) or "result" not in stored:
+        warnings.warn(f"{path} is no finished run and is made anew", stacklevel=2)
+        return None
+    return stored
+
+
+def write(path: Path, stored: Any) -> None:
+    """Store in one go, so that neither a kill nor a second process can leave half of it.
+
+    Raises OSError that names the file.
+    """
+    draft = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_text(json.dumps(stored))
+        os.replace(draft, path)
+    except OSError as error:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+        raise OSError(error.errno, f"can't be written: {error.strerror}", str(path)) from None

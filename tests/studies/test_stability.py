@@ -1,0 +1,198 @@
+"""The hard cases in their quick version, and that every check of theirs can fail."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+
+from sph_gym import Simulation
+from sph_gym.solver.simulation import Report
+from sph_gym.studies import stability
+from sph_gym.studies.stability import checks, memory, report, runs, streams, walls
+from sph_gym.studies.stability.case import VARIANTS, overstepping
+from sph_gym.studies.stability.runs import Outcome, worst
+
+CASES = {case.name: case for case in stability.cases()}
+AS_IT_IS = VARIANTS[0]
+
+
+def test_the_quick_catalogue_holds(tmp_path):
+    rows = list(stability.catalogue(True, tmp_path))
+    assert [row for row in rows if not row.holds] == []
+    totals = {row.quantity: row.value for row in rows if row.case == "all"}
+    assert totals["cases"] == len(CASES) >= 30
+    assert totals["variants of each, at least"] == 3
+    assert len(list(tmp_path.glob("*.json"))) == 3 * len(CASES)
+
+
+def test_boundary_particles_hold_what_they_are_meant_for():
+    assert walls.passed(AS_IT_IS, 0.2) == 0
+    assert walls.passed(AS_IT_IS, 1.2) > 0
+
+
+def test_every_variant_changes_one_thing():
+    kernels = {CASES["two particles"].scene(variant).fluid.kernel for variant in VARIANTS}
+    spacings = {CASES["two particles"].scene(variant).dx for variant in VARIANTS}
+    assert len(kernels) == len(spacings) == len({variant.dtype for variant in VARIANTS}) == 2
+
+
+# --- Every check can fail -------------------------------------------------------------------
+
+
+def failing(case, **changes):
+    """The rows that an outcome fails."""
+    good = Outcome(substeps=1, excess=0.0, lowest=0.5)
+    rows = report.rows(case, [(AS_IT_IS, good), (VARIANTS[1], good._replace(**changes))])
+    return [row.quantity for row in rows if not row.holds]
+
+
+@pytest.mark.parametrize(
+    ("changes", "quantity"),
+    [
+        ({"blowups": 1}, "reported blow-ups"),
+        ({"silent": 1}, "frames that failed in silence"),
+        ({"passed": 1}, "particles behind a wall"),
+        ({"threads": 1}, "fields that differ on two threads"),
+        ({"grid": 2e-12}, "grid against brute force, rho, p, a"),
+        ({"observables": 1e-5}, "runs on grid and brute force"),
+        ({"density": 0.03}, "largest mean compression"),
+        ({"excess": 0.03}, "energy from nowhere"),
+        ({"excess": math.nan}, "energy from nowhere"),
+        ({"drift": 1e-12}, "momentum from nowhere"),
+        ({"lowest": -0.1}, "least density"),
+    ],
+)
+def test_a_demand_that_is_missed_fails(changes, quantity):
+    case = CASES["colliding patches"]
+    assert failing(case) == []
+    assert failing(case, **changes) == [quantity]
+
+
+def test_above_the_stable_step_a_blow_up_may_be_but_no_silence():
+    case = CASES["dt x 4"]
+    assert failing(case, blowups=1, excess=3.0, density=0.5) == []
+    assert failing(case, silent=1) == ["frames that failed in silence"]
+
+
+def test_the_promises_count_over_all_cases():
+    case, risky = CASES["one particle"], CASES["dt x 4"]
+    blown = [(variant, Outcome(blowups=1, silent=2)) for variant in VARIANTS]
+    totals = {
+        row.quantity: row for row in report.summary({"a": (case, blown), "b": (risky, blown)})
+    }
+    assert totals["blow-ups at or below the stable step"].value == len(VARIANTS)
+    assert totals["frames that failed in silence"].value == 4 * len(VARIANTS)
+    assert not totals["cases"].holds
+
+
+def test_the_worse_of_two_outcomes():
+    one = Outcome(substeps=1, silent=1, lowest=0.2, density=0.3, cause="cfl")
+    other = Outcome(substeps=2, lowest=0.1, density=math.nan, cause="nan")
+    both = worst(one, other)
+    assert (both.substeps, both.silent, both.lowest, both.cause) == (3, 1, 0.1, "cfl")
+    assert math.isnan(both.density)
+    assert math.isnan(worst(other, one).density)
+
+
+def test_a_run_that_is_driven_too_far_is_a_reported_blow_up():
+    # ten times the stable step, which is a frame
+    case = CASES["dt x 4"]._replace(steer=overstepping(10.0))
+    found = runs.run(case, AS_IT_IS, quick=True)
+    assert found.blowups == 1
+    assert found.cause == "cfl"
+    assert found.silent == 0
+
+
+def start(name="colliding patches"):
+    return Simulation(CASES[name].scene(AS_IT_IS), threads=1)
+
+
+@pytest.mark.parametrize("field", ["x", "u", "rho"])
+def test_planted_nonsense_is_seen(field):
+    sim = start()
+    assert not checks.is_silent(sim, Report(1, 0.1))
+    getattr(sim.engine.fluid, field)[3] = np.nan
+    assert checks.is_silent(sim, Report(1, 0.1))
+
+
+@pytest.mark.parametrize(
+    "story", [("", "force", 0), ("cfl", "", 0), ("cfl", "force", -1), ("cfl", "force", 10**6)]
+)
+def test_a_blow_up_without_its_story_is_silence(story):
+    sim = start()
+    assert checks.is_silent(sim, Report(1, 0.1, True, *story))
+    assert not checks.is_silent(sim, Report(1, 0.1, True, "cfl", "force", 0))
+
+
+def test_energy_from_nowhere_that_nobody_reports_is_silence():
+    sim = start()
+    sim.restore(sim.snapshot() | {"totals": sim._totals._replace(kinetic=1e9)})
+    assert checks.is_silent(sim, Report(1, 0.1))
+
+
+@pytest.mark.parametrize(
+    "name", ["thin jet on a plate", "corner jet, boundary particles", "dt x 1"]
+)
+def test_a_particle_behind_a_wall_is_seen(name):
+    case, sim = CASES[name], start(name)
+    assert case.passed(sim) == 0
+    sim.engine.fluid.y[0] = -3 * sim.scene.dx
+    sim.engine.fluid.x[0] = 0.01
+    assert case.passed(sim) == 1
+
+
+def test_runs_that_depend_on_threads_or_search_are_seen():
+    scene = CASES["colliding patches"].scene(AS_IT_IS)
+
+    def advance(sim, by=0):
+        sim.controls = sim.controls._replace(xsph=0.3 + by * 0.01)
+        return sim.advance(scene.frame)
+
+    def by_threads(sim):
+        return advance(sim, len(sim.engine.world.status))
+
+    def by_search(sim):
+        return advance(sim, sim.neighbors == "brute")
+
+    assert checks.threads_differ(scene, "float64", advance, 2) == 0
+    assert checks.threads_differ(scene, "float64", by_threads, 2) >= 3
+    assert checks.run_gap(scene, "float64", advance, 2) < report.ALIKE
+    assert checks.run_gap(scene, "float64", by_search, 2) > report.ALIKE
+
+
+def test_a_list_that_misses_neighbours_is_seen():
+    sim = start("dt x 1")
+    sim.advance(sim.scene.frame)
+    assert checks.grid_gap(sim) < report.SAME
+    sim.engine.fluid.rho[5] *= 1 + 1e-9
+    assert checks.grid_gap(sim) > report.SAME
+
+
+# --- The rest -------------------------------------------------------------------------------
+
+
+def test_finished_runs_are_kept(tmp_path, monkeypatch):
+    chosen = [CASES["one particle"], CASES["two particles"]]
+    first = list(stability.catalogue(True, tmp_path, chosen))
+    monkeypatch.setattr(stability, "run", lambda *arguments: pytest.fail("run twice"))
+    again = list(stability.catalogue(True, tmp_path, chosen))
+    assert again == first
+
+
+def test_memory_is_looked_at(monkeypatch):
+    looks = []
+    [row] = memory.rows(True, partial(looks.append, 1))
+    assert len(looks) == memory.LOOKS
+    assert row.holds
+    grown = iter([100.0, 100.0 + 2 * memory.BOUND])
+    monkeypatch.setattr(memory, "resident", lambda: next(grown))
+    [row] = memory.rows(True, lambda: None)
+    assert not row.holds
+
+
+def test_plates_let_nobody_out():
+    room = CASES["strays at 100 m/s and plates"]
+    sim = Simulation(room.scene(AS_IT_IS))
+    assert np.hypot(*sim.v[: sim.n_fluid].T) == pytest.approx(100.0)
+    assert streams.outside_room(np.array([(0.0, 0.9), (0.0, 0.3)]), 0.02).tolist() == [True, False]

@@ -1,0 +1,80 @@
+"""Stability maps: limits are found where they are, runs are kept, pictures show them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sph_gym.studies.stability import figures, maps
+from sph_gym.studies.stability.maps import Grid, Point
+
+GRID = Grid((0.5, 1.0, 2.0, 4.0, 8.0), (0.5, 1.0), (0.0, 0.3))
+
+
+@pytest.fixture
+def played(monkeypatch):
+    """A solver that blows up beyond 0.9 h / c, stable for no step where epsilon is 0.3 and c0."""
+    calls = []
+
+    def play(scene, dt, sound, xsph, share):
+        calls.append((dt, sound, xsph))
+        bad = dt * sound * scene.fluid.c0 > 0.9 * scene.h or (xsph > 0 and sound == 1.0)
+        return Point("cfl" if bad else "", math.nan if bad else 0.002, 10, 5.0)
+
+    monkeypatch.setattr(maps, "run", play)
+    return calls
+
+
+def test_limits_are_found_to_a_tenth(tmp_path, played):
+    found = maps.survey("relaxation", GRID, tmp_path)
+    scene = found.scene
+    for i, j in ((0, 0), (0, 1), (1, 0)):
+        exact = 0.9 * scene.h / (GRID.sound[j] * scene.fluid.c0)
+        assert 0.9 * exact < found.limits[i, j] <= exact
+    assert math.isnan(found.limits[1, 1])
+    assert found.rule(1)["CFL"] == pytest.approx(0.4 * scene.h / scene.fluid.c0)
+    assert found.rule(1)["force"] == pytest.approx(0.25 * math.sqrt(scene.h / 5.0))
+    assert math.isfinite(found.rule(1)["viscous"])
+    assert len(played) <= maps.n_runs(GRID)
+
+
+def test_a_scene_that_no_step_is_short_enough_for_fails(tmp_path, played):
+    found = maps.survey("relaxation", GRID, tmp_path)
+    rows = {(row.quantity, row.case): row for row in maps.rows("relaxation", found)}
+    name = "limit / article's rule"
+    assert rows[name, "relaxation, c = 0.5 c0, epsilon = 0"].holds
+    assert not rows[name, "relaxation, c = 1 c0, epsilon = 0.3"].holds
+
+
+def test_finished_runs_are_kept(tmp_path, played):
+    first = maps.survey("relaxation", GRID, tmp_path)
+    n, looks = len(played), []
+    again = maps.survey("relaxation", GRID, tmp_path, lambda: looks.append(1))
+    assert len(played) == n
+    assert len(looks) >= n
+    assert str(again.points) == str(first.points)
+
+
+def test_a_real_run_is_stable_below_the_rule_and_not_far_above():
+    scene = maps.nominal("relaxation")
+    step = maps.unit(scene)
+    calm, wild = (maps.run(scene, k * step, 1.0, 0.3, 0.02) for k in (0.5, 16.0))
+    assert calm.cause == ""
+    assert 0 <= calm.density < maps.TOLERANCE
+    assert calm.acceleration > 0
+    assert wild.cause == "cfl"
+
+
+def test_a_picture_shows_every_epsilon(tmp_path, played):
+    found = maps.survey("relaxation", GRID, tmp_path)
+    path = figures.draw("relaxation", found, tmp_path / "map.png")
+    assert path.stat().st_size > 20_000
+
+
+def test_outcomes_have_their_own_colours():
+    assert figures._outcome("", 0.001) == 0
+    assert figures._outcome("", 0.1) == 1
+    several = {figures._outcome(cause, math.nan) for cause in ("cfl", "stiffness", "nan")}
+    assert several == {2, 3, 4}
+    edges = figures._edges([1.0, 2.0, 4.0])
+    assert edges == pytest.approx(np.sqrt([0.5, 2.0, 8.0, 32.0]))

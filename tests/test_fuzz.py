@@ -1,0 +1,294 @@
+"""Whatever the arguments: a clear ValueError, or something that works. Few kernels, all values."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+
+from sph_gym import (
+    CentralGravity,
+    Controls,
+    Effects,
+    Fluid,
+    Gravity,
+    Motion,
+    RecordedGravity,
+    RollingTank,
+    Scene,
+    ShakenGravity,
+    Simulation,
+    TuningEnv,
+    Walls,
+)
+from sph_gym.studies.stability.checks import is_finite, is_silent
+from tests.cases import ALL_EFFECTS, CONFIGURATIONS, WALLS, WATER
+
+# An argument, then ": expected ..." or another sentence that says what was wrong.
+CLEAR = re.compile(r"^[a-z][\w .\[\]/()=-]*: ", re.IGNORECASE)
+
+numbers = st.one_of(
+    st.floats(),
+    st.floats(1e-3, 1e3),
+    st.integers(-3, 10**6),
+    st.sampled_from([0.0, -1.0, 1e-320, 1e308, 10**400, math.inf, math.nan]),
+)
+junk = st.sampled_from(
+    [None, True, "", "water", b"x", (), [], {}, [[]], object(), 1j, [1, "a"], np.float32("nan")]
+)
+anything = st.one_of(numbers, junk)
+vectors = st.one_of(st.lists(numbers, max_size=4), st.tuples(numbers, numbers), junk)
+tables = st.one_of(
+    st.lists(st.lists(numbers, min_size=1, max_size=4), max_size=5),
+    st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=5),
+    junk,
+)
+words = st.one_of(st.text(max_size=8), junk)
+
+
+def attempt(action):
+    """What it returns, and the text of the ValueError that it raised instead, or ""."""
+    try:
+        return action(), ""
+    except ValueError as error:
+        return None, str(error) or "nothing said"
+
+
+def made(kind, arguments):
+    """What the arguments make, or None after a clear refusal."""
+    result, complaint = attempt(lambda: kind(**arguments))
+    assert not complaint or CLEAR.match(complaint), complaint
+    return result
+
+
+@st.composite
+def spoiled(draw, arguments, valid):
+    """Valid arguments with up to three of them replaced by anything."""
+    names = draw(st.sets(st.sampled_from(sorted(arguments)), max_size=3))
+    return valid | {name: draw(arguments[name]) for name in names}
+
+
+# --- What a scene is made of ----------------------------------------------------------------
+
+PARTS = {
+    Fluid: {
+        "c0": anything,
+        "rho0": anything,
+        "gamma": anything,
+        "kernel": words,
+        "eos": words,
+        "clamp": junk,
+    },
+    Effects: {
+        "gravity": vectors,
+        "xsph": junk,
+        "artificial_viscosity": anything,
+        "laminar_viscosity": anything,
+        "surface_tension": anything,
+        "quadratic_viscosity": anything,
+        "viscosity_form": words,
+        "tensile_correction": anything,
+        "continuity": junk,
+        "density_diffusion": anything,
+        "shifting": anything,
+    },
+    Walls: {
+        "particles": tables,
+        "box": vectors,
+        "restitution": anything,
+        "pressure": words,
+        "slip": words,
+        "velocity": st.one_of(vectors, tables),
+        "motion": junk,
+        "plates": tables,
+        "period_x": vectors,
+        "period_y": vectors,
+    },
+    Motion: {
+        "velocity": vectors,
+        "amplitude": vectors,
+        "frequency": anything,
+        "particles": tables,
+        "sides": words,
+    },
+    Gravity: {"x": anything, "y": anything, "ramp": anything},
+    CentralGravity: {"omega": anything, "x": anything, "y": anything},
+    ShakenGravity: {"x": anything, "y": anything, "amplitude": vectors, "frequency": anything},
+    RecordedGravity: {"vectors": tables, "interval": anything},
+    RollingTank: {"g": anything, "amplitude": anything, "frequency": anything, "pivot": vectors},
+    Scene: {
+        "name": words,
+        "x": tables,
+        "v": tables,
+        "dx": anything,
+        "h": anything,
+        "fluid": st.one_of(st.just(WATER), junk),
+        "effects": st.one_of(st.just(ALL_EFFECTS), junk),
+        "walls": st.one_of(st.just(WALLS), junk),
+        "duration": anything,
+        "frame": anything,
+        "controls": st.one_of(vectors, st.tuples(numbers, numbers, numbers)),
+        "integrator": words,
+    },
+}
+
+
+VALID = {
+    Fluid: {"c0": 10.0},
+    Effects: {"gravity": (0.0, -9.81), "xsph": True, "continuity": True},
+    Walls: {"particles": [(0.0, 0.1), (0.2, 0.1)], "box": (-1.0, 1.0, -1.0, math.inf)},
+    Motion: {"velocity": (1.0, 0.0), "sides": ("left",)},
+    Gravity: {"x": 0.0, "y": -9.81},
+    CentralGravity: {"omega": 1.0},
+    ShakenGravity: {"x": 0.0, "y": -9.81, "amplitude": (1.0, 0.0), "frequency": 2.0},
+    RecordedGravity: {"vectors": [(0.0, -9.0), (1.0, -9.0)], "interval": 0.1},
+    RollingTank: {"g": 9.81, "amplitude": 0.1, "frequency": 1.0},
+    Scene: {"name": "water", "x": [(0.0, 0.0)], "dx": 0.02, "h": 0.052, "fluid": WATER},
+}
+
+
+@pytest.mark.parametrize("kind", PARTS, ids=lambda kind: kind.__name__)
+def test_parts_are_made_or_refused_in_a_clear_sentence(kind):
+    @settings(max_examples=150)
+    @given(spoiled(PARTS[kind], VALID[kind]))
+    def check(arguments):
+        made(kind, arguments)
+
+    check()
+
+
+# --- Scenes that run ------------------------------------------------------------------------
+
+# single precision holds the eighth powers of usual lengths only
+LENGTHS = {"float64": st.floats(1e-6, 1e6), "float32": st.floats(1e-2, 1e2)}
+small = st.floats(0.0, 10.0)
+
+
+@st.composite
+def scenes(draw, configuration, dtype):
+    """A handful of particles with any numbers that a scene takes."""
+    dx = draw(LENGTHS[dtype])
+    n = draw(st.integers(1, 8))
+    place = st.tuples(st.floats(-5, 5), st.floats(-5, 5))
+    x = dx * np.array(draw(st.lists(place, min_size=n, max_size=n)))
+    c0 = draw(st.floats(1e-3, 1e3))
+    v = c0 * np.array(draw(st.lists(place, min_size=n, max_size=n))) / 10
+    parts = dict(CONFIGURATIONS[configuration])
+    walls = parts.pop("walls", None)
+    fluid = Fluid(c0=c0, rho0=draw(st.floats(1e-3, 1e5)), clamp=draw(st.booleans()))
+    if walls is not None:
+        scale = draw(st.floats(0.5, 2.0)) * dx / 0.02
+        low, high = -10 * dx, 10 * dx
+        parts["walls"] = replace(
+            walls,
+            particles=scale * np.asarray(walls.particles),
+            box=(low, high, low, math.inf),
+            restitution=draw(st.floats(0.0, 1.0)),
+        )
+        parts["effects"] = replace(
+            ALL_EFFECTS,
+            gravity=(draw(st.floats(-100, 100)), draw(st.floats(-100, 100))),
+            artificial_viscosity=draw(small),
+            laminar_viscosity=draw(small),
+        )
+    return Scene("fuzzed", x, dx, draw(st.floats(1.0, 5.0)) * dx, fluid, v=v, **parts)
+
+
+@pytest.mark.parametrize("configuration", ["none", "everything"])
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_any_scene_and_controls_run_or_are_reported(configuration, dtype):
+    @settings(max_examples=60)
+    @given(
+        scenes(configuration, dtype),
+        st.floats(-3, 3),
+        st.floats(-6, 6),
+        st.floats(0, 5),
+        st.integers(1, 20),
+    )
+    def check(scene, dt, stiffness, xsph, steps):
+        sim = Simulation(scene, dtype, threads=1)
+        nominal = sim.nominal_controls
+        sim.controls = Controls(10**dt * nominal.dt, 10**stiffness * nominal.stiffness, xsph)
+        for _ in range(2):
+            report = sim.advance(steps * sim.controls.dt)
+            assert 1 <= report.n_substeps <= steps
+            assert is_finite(sim)
+            assert not is_silent(sim, report)
+            assert sim.restore(sim.snapshot()) is None
+            numbers = sim.diagnostics()
+            wrong = [name for name, value in numbers.items() if not math.isfinite(value)]
+            assert set(wrong) <= {"min_spacing", "median_spacing"}
+
+    check()
+
+
+@pytest.fixture(scope="module")
+def running():
+    return Simulation(Scene("one", [(0.0, 0.0)], 0.02, 0.052, WATER))
+
+
+@settings(max_examples=150)
+@given(st.tuples(anything, anything, anything), anything)
+@example((1e-320, 1.0, 0.0), 1.0)
+def test_controls_and_seconds_are_taken_or_refused(running, controls, seconds):
+    def play():
+        running.controls = controls
+        # a legal pair that would take for ever
+        known = isinstance(seconds, (int, float)) and abs(seconds) < 1e300
+        assume(not known or seconds / running.controls.dt < 1e4)
+        running.advance(seconds)
+
+    _, complaint = attempt(play)
+    assert not complaint or CLEAR.match(complaint), complaint
+    assert is_finite(running)
+
+
+@settings(max_examples=100)
+@given(st.data())
+def test_simulations_are_made_or_refused(data):
+    arguments = {"dtype": words, "neighbors": words, "threads": anything, "scene": junk}
+    valid = {"scene": Scene("one", [(0.0, 0.0)], 0.02, 0.052, WATER)}
+    made(Simulation, data.draw(spoiled(arguments, valid)))
+
+
+@settings(max_examples=100)
+@given(st.dictionaries(st.text(max_size=6), anything, max_size=8), st.data())
+def test_a_snapshot_is_taken_or_refused(running, extra, data):
+    snapshot = running.snapshot()
+    for name in data.draw(st.sets(st.sampled_from(sorted(snapshot)))):
+        snapshot[name] = data.draw(st.one_of(anything, vectors, tables))
+    before = running.x
+    _, complaint = attempt(lambda: running.restore(snapshot | extra))
+    if complaint:
+        assert complaint.startswith(("snapshot", "controls"))
+        assert np.array_equal(running.x, before)
+    assert is_finite(running)
+
+
+# --- Environments ---------------------------------------------------------------------------
+
+ENVIRONMENT = {
+    "scene": st.one_of(st.sampled_from(["dam_break", "mixed", "sloshing"]), words),
+    "dx": anything,
+    "instances": st.one_of(st.sampled_from(["train", "nominal"]), words),
+    "action_mode": st.one_of(st.sampled_from(["absolute", "delta", "discrete"]), words),
+    "on_blowup": words,
+    "reward_weights": st.one_of(
+        st.dictionaries(words.filter(str.__instancecheck__), numbers), junk
+    ),
+    "reward": words,
+    "rate_limit": anything,
+    "observation": words,
+    "render_mode": words,
+}
+
+
+@settings(max_examples=150)
+@given(spoiled(ENVIRONMENT, {"scene": "dam_break"}))
+def test_environments_are_made_or_refused(arguments):
+    env = made(TuningEnv, arguments)
+    if env is not None:
+        env.close()

@@ -27,8 +27,8 @@ STYLES = {
     "controller": ("#B8A300", "h", "controller"),
 }
 SHORT = {
-    "width": "h = {} dx", "step": "dt {} stable", "sound": "c = {} c0", "kernel": "{}", "density": "{}",
-    "dtype": "{}", "integrator": "{}", "xsph": "epsilon {}", "controller": "{}",
+    "width": "h = {} dx", "step": "dt {} stable", "sound": "c = {} c0", "kernel": "{}",
+    "density": "{}", "dtype": "{}", "integrator": "{}", "xsph": "epsilon {}", "controller": "{}",
 }  # fmt: skip
 # Points of a front that are numbered, and how wide their explanations are.
 NUMBERED, WIDE = 8, 46
@@ -67,13 +67,15 @@ def draw(scene: Problem, points: Sequence[Point], path: Path) -> Path:
     for axes, (cost, label) in zip(every, PANELS, strict=True):
         _draw_panel(axes, scene, points, cost)
         axes.set_xlabel(label)
+    for axes in every:
+        readable(axes)
     every[0].set_ylabel(f"error [% {scene.of}]")
     _number(every[0], best)
     _number(every[1], best, "pairs")
     handles, labels = every[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, frameon=False, ncols=6, fontsize=8.5, loc="upper center",
-        bbox_to_anchor=(0.51, 0.325),
+        bbox_to_anchor=(0.51, 0.33),
     )  # fmt: skip
     _explain(figure, scene, best)
     figure.suptitle(_title(scene), fontsize=13, x=0.07, ha="left", y=0.97)
@@ -128,7 +130,6 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
     axes.set_xscale("log")
     axes.set_yscale("log")
     _mark_ends(axes, scene, ladder, cost)
-    readable(axes)
 
 
 def _work_front(points: Sequence[Point]) -> list[Point]:
@@ -182,13 +183,37 @@ def _mark_ends(axes: Any, scene: Problem, ladder: Sequence[Point], cost: str) ->
 
 def readable(axes: Any) -> None:
     """Plain numbers on the error axis, a light grid, and the errors that people ask for."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, NullFormatter
 
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(alpha=0.25)
     axes.margins(0.08)
+    for axis, ends in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        axis.set_ticks(ticks(*ends))
+        axis.set_minor_formatter(NullFormatter())
+        axis.set_major_formatter(FuncFormatter(lambda number, _: _plain(number)))
+    axes.grid(alpha=0.25)
+
+
+def ticks(low: float, high: float) -> list[float]:
+    """Round numbers between two others on a log scale, neither too many nor too few."""
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    found: list[float] = []
+    for digits in ((1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 5, 7), range(10, 100, 5)):
+        scale = 10 if isinstance(digits, range) else 1
+        found = [d / scale * 10.0**k for k in decades for d in digits]
+        found = [number for number in found if low <= number <= high]
+        if len(found) >= 3:
+            break
+    return found
+
+
+def _plain(number: float) -> str:
+    """As a person writes it: powers of ten only where there would be many zeros."""
+    if 1e-3 <= number < 1e4:
+        return f"{number:g}"
+    exponent = math.floor(math.log10(number) + 1e-9)
+    digits = number / 10.0**exponent
+    head = "" if abs(digits - 1) < 1e-6 else rf"{digits:g} \cdot "
+    return f"${head}10^{{{exponent}}}$"
 
 
 def _number(axes: Any, best: Sequence[Point], cost: str = "cost") -> None:
@@ -214,9 +239,9 @@ def _explain(figure: Any, scene: Problem, best: Sequence[Point]) -> None:
     half = -(-len(numbered) // 2)
     for k, point in enumerate(numbered):
         text = f"{k + 1}  {100 * point.error:.2g} %, {point.wall:.2g} s: {_name(scene, point)}"
-        figure.text(0.07 + 0.46 * (k // half), 0.185 - 0.026 * (k % half), text, fontsize=8.5)
+        figure.text(0.07 + 0.46 * (k // half), 0.2 - 0.028 * (k % half), text, fontsize=8.5)
     note = textwrap.fill(scene.note, 165)
-    figure.text(0.07, 0.03, note, fontsize=9, style="italic", color="#333333")
+    figure.text(0.07, 0.05, note, fontsize=9, style="italic", color="#333333")
 
 
 def _name(scene: Problem, point: Point) -> str:

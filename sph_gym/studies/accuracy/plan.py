@@ -18,7 +18,12 @@ WIDEST = 5.0
 NUMBERS = ("resolution", "width", "step", "sound", "xsph")
 COMBINED = "combined"
 # Knobs in the order in which their best values are taken over, one upon the other.
-CHAIN = ("dtype", "step", "sound", "width", "kernel")
+CHAIN = ("dtype", "step", "sound", "width", "kernel", "density", "integrator", "xsph")
+# What a value must buy by itself to be taken over.
+WORTHWHILE = 1.1
+# Of the stable step: nobody is advised to go beyond it, for the limit is near, and where it lies
+# depends on all the rest.
+LONGEST = 1.5
 
 
 class Plan(NamedTuple):
@@ -46,7 +51,7 @@ class Plan(NamedTuple):
 
 FULL = Plan()
 QUICK = Plan(
-    scenes=("elliptical_drop", "taylor_green"), widths=(0.85,), steps=(2.0,), sounds=(0.5,),
+    scenes=("elliptical_drop", "taylor_green"), widths=(0.85,), steps=(1.5,), sounds=(0.5,),
     epsilons=(), kernels=(), densities=(), dtypes=("float32",), integrators=(),
     controllers=("cfl",), sizes=3, chain=True, promises=True, repeats=2,
 )  # fmt: skip
@@ -95,33 +100,35 @@ def _values(plan: Plan, problem: Problem, start: Setting) -> dict[str, Iterable[
     }
 
 
-def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Known]) -> list[Setting]:
+def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Known]) -> Iterator[Setting]:
     """Settings, at no resolution, that are run at all resolutions besides the nominal one.
 
     One knob after the other takes the value that buys most by itself, by deterministic work and
-    at equal error; each line keeps what the one before has. found: the runs of `sweeps`.
+    at equal error. Each line keeps what the one before has, if that was better for it and went
+    well at every resolution. found: the runs so far, to which those of a line have been added
+    when the next one is asked for.
     """
-    if not plan.chain:
-        return []
     turned = list(sweeps(plan, problem))
     start = turned[0][1]
-    ladder = [found[s] for knob, s in turned if knob in ("nominal", "resolution")]
-    chain, present = [start.line], start.line
-    for knob in CHAIN:
-        tried = [setting for name, setting in turned if name == knob]
-        gains = {getattr(s, knob): _gain(ladder, found[s], knob) for s in tried}
-        best = max(gains, key=lambda value: gains[value], default=None)
-        if best is not None and gains[best] > 1:
-            present = present._replace(**{knob: best})
-            chain.append(present)
-    if any(name == "controller" and s.controller == "tuned_cfl" for name, s in turned):
-        cheap = start.line._replace(dtype=present.dtype, controller="tuned_cfl")
-        chain.append(cheap)
-    return chain[1:]
+    nominal_line = [found[s] for knob, s in turned if knob in ("nominal", "resolution")]
+    present, best = start, 1.0
+    for knob in CHAIN if plan.chain else ():
+        tried = [s for name, s in turned if name == knob and s.step <= LONGEST]
+        gains = {getattr(s, knob): _gain(nominal_line, found[s], knob) for s in tried}
+        value = max(gains, key=lambda value: gains[value], default=None)
+        if value is None or gains[value] < WORTHWHILE:
+            continue
+        bold = present._replace(**{knob: value})
+        yield bold.line
+        gain = _gain(nominal_line, found[bold], "dtype" if bold.dtype != start.dtype else "")
+        if gain > best and all(found[s].good for s in ladder(plan, problem, bold.line)):
+            present, best = bold, gain
+    if plan.chain and "tuned_cfl" in plan.controllers:
+        yield start.line._replace(dtype=present.dtype, controller="tuned_cfl")
 
 
-def _gain(ladder: list[Known], tried: Known, knob: str) -> float:
-    gain = worth(ladder, tried, "interactions")
+def _gain(nominal_line: list[Known], tried: Known, knob: str) -> float:
+    gain = worth(nominal_line, tried, "interactions")
     # half the bytes take about two thirds of the time, which no count of pairs tells
     return gain * (1.3 if knob == "dtype" else 1.0) if math.isfinite(gain) else 0.0
 

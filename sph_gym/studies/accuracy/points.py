@@ -103,6 +103,7 @@ def manifest(problem: Problem, setting: Setting, other: bool) -> dict[str, Any]:
         "arguments": problem.given(other),
         "length": problem.length,
         "measure": problem.measure,
+        "joined": problem.joined,
         "setting": setting._asdict(),
         "sources": sources(agents),
         "versions": machine.describe(),

@@ -32,6 +32,11 @@ SHORT = {
 }  # fmt: skip
 # Points of a front that are numbered, and how wide their explanations are.
 NUMBERED, WIDE = 8, 46
+# Digits of the numbers on an axis, the fewest first.
+TICKS: tuple[tuple[float, ...], ...] = (
+    (1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 5, 7), (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8),
+    tuple(k / 10 for k in range(10, 100)),
+)  # fmt: skip
 # Cost and its label, of the two panels.
 PANELS = (
     ("cost", "wall seconds per simulated second"),
@@ -126,9 +131,11 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
             [value(start, cost)], [100 * start.error], "*", color="black", markersize=17,
             markeredgecolor="white", label="nominal", zorder=6, linestyle="none",
         )  # fmt: skip
-        _slopes(axes, points, cost)
     axes.set_xscale("log")
     axes.set_yscale("log")
+    axes.margins(0.1)
+    if start.good:
+        _slopes(axes, start, cost)
     _mark_ends(axes, scene, ladder, cost)
 
 
@@ -159,16 +166,16 @@ def _draw_arms(axes: Any, points: Sequence[Point], cost: str) -> None:
         )  # fmt: skip
 
 
-def _slopes(axes: Any, points: Sequence[Point], cost: str) -> None:
+def _slopes(axes: Any, start: Point, cost: str) -> None:
     """What first and second order in dx would give where the cost goes as dx^-3."""
-    start = points[0]
-    costs = [value(p, cost) for p in rungs(points) if p.good]
-    reach = np.array([1.0, max(max(costs) / value(start, cost), 4.0)])
+    ends = axes.get_xlim(), axes.get_ylim()
+    here, reach = value(start, cost), np.array([1e-4, 1e4])
     for order, style in ((1, (0, (1, 1.5))), (2, (0, (5, 2)))):
         axes.plot(
-            value(start, cost) * reach, 100 * start.error * reach ** (-order / 3), color="#555555",
-            linestyle=style, linewidth=1.2, label=f"slope of order {order} in dx", zorder=1,
+            here * reach, 100 * start.error * reach ** (-order / 3), color="#777777",
+            linestyle=style, linewidth=1.1, label=f"slope of order {order} in dx", zorder=1,
         )  # fmt: skip
+    axes.set(xlim=ends[0], ylim=ends[1])
 
 
 def _mark_ends(axes: Any, scene: Problem, ladder: Sequence[Point], cost: str) -> None:
@@ -185,7 +192,6 @@ def readable(axes: Any) -> None:
     """Plain numbers on the error axis, a light grid, and the errors that people ask for."""
     from matplotlib.ticker import FuncFormatter, NullFormatter
 
-    axes.margins(0.08)
     for axis, ends in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
         axis.set_ticks(ticks(*ends))
         axis.set_minor_formatter(NullFormatter())
@@ -197,9 +203,8 @@ def ticks(low: float, high: float) -> list[float]:
     """Round numbers between two others on a log scale, neither too many nor too few."""
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     found: list[float] = []
-    for digits in ((1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 5, 7), range(10, 100, 5)):
-        scale = 10 if isinstance(digits, range) else 1
-        found = [d / scale * 10.0**k for k in decades for d in digits]
+    for digits in TICKS:
+        found = [d * 10.0**k for k in decades for d in digits]
         found = [number for number in found if low <= number <= high]
         if len(found) >= 3:
             break

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 COLUMNS = ("scene", *Setting._fields, "error", "effort")
 # Resolutions that a line must have.
 FEWEST = 3
+# Of an error that is asked for.
+ROUNDING = 1e-9
 UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -113,7 +115,8 @@ def doubt(across: Array, errors: Array) -> float:
 
 def for_error(lines: Sequence[Line], error: float) -> Choice | None:
     """The cheapest choice that promises at most this error; None if there is none."""
-    within = [choice for line in lines for choice in line.choices() if choice.error <= error]
+    most = error * (1 + ROUNDING)
+    within = [choice for line in lines for choice in line.choices() if choice.error <= most]
     return min(within, key=lambda choice: choice.effort, default=None)
 
 
@@ -154,9 +157,9 @@ def advise(
     for name, value in wanted.items():
         if value is not None:
             positive(name, value)
-    lines = fit(sample for sample in read(table) if sample.scene == scene)
+    lines = fit(read(scene, table))
     if not lines:
-        raise ValueError(f"scene: expected one with measured lines, got {scene!r}")
+        raise ValueError(f"table: expected a line of {FEWEST} resolutions of {scene}, got none")
     speed = rate(CAREFUL) if speed is None else speed
     if error is not None:
         choice = for_error(lines, error) or _too_small("error", scene, error, lines, 1.0)
@@ -198,18 +201,26 @@ def parse_budget(text: str) -> float:
 # --- The table ------------------------------------------------------------------------------
 
 
-def read(path: Path | None = None) -> list[Sample]:
-    """Samples of a table, by default of that which comes with the package.
+def read(scene: str, path: Path | None = None) -> list[Sample]:
+    """Samples of a scene, by default those that come with the package.
 
-    Raises ValueError if it is none.
+    Raises ValueError if there are none.
     """
-    place = resources.files("sph_gym.studies.accuracy") / "data" / "lines.csv"
+    place = resources.files("sph_gym.studies.accuracy") / "data" / f"{scene}.csv"
+    if path is None and not place.is_file():
+        raise ValueError(f"scene: expected one of {', '.join(shipped())}, got {scene!r}")
     text = place.read_text() if path is None else path.read_text()
     rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
     try:
-        return [_sample(row) for row in rows]
+        return [_sample(row) for row in rows if row["scene"] == scene]
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"table: {path or place} is no table of samples: {error!r}") from None
+
+
+def shipped() -> list[str]:
+    """Scenes of which samples come with the package."""
+    folder = resources.files("sph_gym.studies.accuracy") / "data"
+    return sorted(file.name.removesuffix(".csv") for file in folder.iterdir())
 
 
 def _sample(row: dict[str, str]) -> Sample:

@@ -72,7 +72,7 @@ def measure(
         if plan.promises:
             yield from promises.rows(scene, points, shop.folder)
         tables.write_scene(scene, points, output)
-    tables.write_all(every, output, whole=chosen is None and not quick)
+        tables.write_all(every, output)
     if peers is not None:
         yield from peer.rows(peers, every, shop.folder)
 

@@ -54,6 +54,7 @@ def _draw_small(axes: Any, name: str, points: Sequence[Point]) -> None:
     axes.set_title(f"{name.replace('_', ' ')}\n{bold}", fontsize=8.5, pad=3)
     axes.set_xscale("log")
     axes.set_yscale("log")
+    axes.margins(0.1)
     readable(axes)
     axes.tick_params(labelsize=7.5)
 

@@ -16,35 +16,31 @@ TIME = "cost"
 
 
 def write_scene(scene: Problem, points: Sequence[Point], folder: Path) -> None:
-    """Tables and picture of one scene."""
+    """Tables and picture of one scene, and the table from which its settings are recommended."""
     best = fronts.front(points, TIME)
     listed = [{**record(found), "on_front": found in best} for found in points]
     _both(listed, folder / f"{scene.scene}_points")
     _both(gains(points), folder / f"{scene.scene}_gains")
+    comment = f"sources {sources()}; {machine.describe()['processor']}; {rate(CAREFUL):.4g}/s"
+    recommend.write(_on_lines(points), folder / f"{scene.scene}_lines.csv", comment)
     print(f"plot: {figures.draw(scene, points, folder / f'{scene.scene}.png')}")
 
 
-def write_all(points: Sequence[Point], folder: Path, whole: bool) -> None:
-    """Tables and picture of all scenes; whole: also that from which settings are recommended."""
+def write_all(points: Sequence[Point], folder: Path) -> None:
+    """Tables and picture of all scenes."""
     _both([record(found) for found in points], folder / "points")
     _both(cheapest(points), folder / "cheapest")
     by_scene: dict[str, list[Point]] = {}
     for found in points:
         by_scene.setdefault(found.scene, []).append(found)
     print(f"plot: {summary.draw(by_scene, folder / 'summary.png')}")
-    if whole:
-        comment = f"sources {sources()}; {machine.describe()['processor']}; {rate(CAREFUL):.4g}/s"
-        recommend.write(_on_lines(by_scene), folder / "lines.csv", comment)
 
 
-def _on_lines(by_scene: dict[str, list[Point]]) -> list[recommend.Sample]:
+def _on_lines(points: Sequence[Point]) -> list[recommend.Sample]:
     """Only what a recommendation can be made of."""
-    found = []
-    for points in by_scene.values():
-        every = samples(points)
-        lines = {line.setting for line in recommend.fit(every)}
-        found += [sample for sample in every if sample.setting.line in lines]
-    return found
+    every = samples(points)
+    lines = {line.setting for line in recommend.fit(every)}
+    return [sample for sample in every if sample.setting.line in lines]
 
 
 def _both(listed: list[dict[str, Any]], stem: Path) -> None:

@@ -137,7 +137,7 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    from sph_gym.studies.accuracy import recommend
+    from sph_gym.studies.accuracy import recommend, telling
 
     advice = recommend.advise(
         options.scene,
@@ -146,8 +146,9 @@ def _recommend(options: argparse.Namespace) -> int:
         dict(map(_assignment, options.set)),
         options.table,
     )
-    for name, value in recommend.describe(advice):
+    for name, value in telling.describe(advice):
         print(f"{name + ':':<16}{value}")
+    print("", telling.program(advice), sep="\n")
     return 0
 
 

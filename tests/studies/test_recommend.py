@@ -5,9 +5,10 @@ import pytest
 
 from sph_gym import scenes
 from sph_gym.__main__ import main
-from sph_gym.studies.accuracy import names, recommend
+from sph_gym.studies.accuracy import names, recommend, telling
 from sph_gym.studies.accuracy.problems import problem
 from sph_gym.studies.accuracy.recommend import Sample
+from sph_gym.studies.accuracy.running import execute
 from sph_gym.studies.accuracy.settings import nominal
 
 DROP = problem("elliptical_drop")
@@ -117,14 +118,25 @@ def test_promises_fall_with_resolution(table):
 
 
 def test_what_is_told_can_be_set(table):
-    told = dict(recommend.describe(advise(table, error=0.01, arguments={"radius": 0.5})))
+    told = dict(telling.describe(advise(table, error=0.01, arguments={"radius": 0.5})))
     assert told["dx"].startswith("0.025 m (radius / 20)")
-    scene = eval(told["scene"], {"scenes": scenes})
-    assert scene.dx == 0.025
     assert told["h / dx"] == "3.4"
     assert told["precision"] == "float32"
     assert told["expected error"].startswith("1 %")
     assert told["epsilon"] == "no XSPH"
+
+
+@pytest.mark.parametrize("changes", [{}, {"controller": "tuned_cfl"}, {"density": "continuity"}])
+def test_the_program_runs_what_was_recommended(tmp_path, changes):
+    path = tmp_path / "lines.csv"
+    recommend.write(
+        samples(sizes=(6, 8, 10), dtype="float32", step=1.5, **changes), path, "made up"
+    )
+    advice = recommend.advise(DROP.scene, error=0.2 / 8, table=path, speed=SPEED)
+    variables = {}
+    exec(telling.program(advice), variables)
+    found = scenes.reference(DROP.scene).error(variables["sim"]) / 100
+    assert found == execute(DROP, advice.choice.setting).error
 
 
 def test_no_table_is_told_of(tmp_path, table):
@@ -146,7 +158,7 @@ def test_what_is_shipped_gives_advice(scene):
     advice = recommend.advise(scene, error=1.01 * best, speed=SPEED)
     assert advice.choice.error <= 1.01 * best
     assert advice.seconds > 0
-    assert dict(recommend.describe(advice))["kernel"] == advice.choice.setting.kernel
+    assert dict(telling.describe(advice))["kernel"] == advice.choice.setting.kernel
 
 
 def test_the_command_prints_it(table, capsys, monkeypatch):

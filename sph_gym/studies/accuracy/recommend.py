@@ -22,7 +22,7 @@ from sph_gym.solver.checks import known, positive
 from sph_gym.studies.accuracy.benchmark import CAREFUL, rate
 from sph_gym.studies.accuracy.policies import RULES
 from sph_gym.studies.accuracy.problems import Problem, problem
-from sph_gym.studies.accuracy.settings import FIXED, Setting, build
+from sph_gym.studies.accuracy.settings import FIXED, Setting
 
 Array = NDArray[np.float64]
 COLUMNS = ("scene", *Setting._fields, "error", "effort")
@@ -238,30 +238,3 @@ def write(samples: Iterable[Sample], path: Path, comment: str) -> None:
         writer.writerow(COLUMNS)
         for s in samples:
             writer.writerow([s.scene, *s.setting, f"{s.error:.6g}", f"{s.effort:.6g}"])
-
-
-# --- Telling --------------------------------------------------------------------------------
-
-
-def describe(advice: Advice) -> list[tuple[str, str]]:
-    """Names and values of a recommendation, as they are to be set."""
-    scene, (setting, error, _) = advice.problem, advice.choice
-    built = build(scene, setting)
-    assert built.controls is not None
-    fixed = setting.controller == FIXED
-    said = {True: "", False: f" at the start, then by {setting.controller}"}[fixed]
-    given = "".join(f", {name}={value}" for name, value in scene.given().items())
-    return [
-        ("scene", f'scenes.make("{scene.scene}", dx={built.dx:.6g}{given})'),
-        ("dx", f"{built.dx:.6g} m ({scene.length} / {setting.across})"),
-        ("h / dx", f"{setting.width:g}"),
-        ("dt", f"{built.controls.dt:.4g} s{said} ({setting.step:g} of the stable step)"),
-        ("stiffness", f"{built.controls.stiffness:.4g} Pa{said} (c = {setting.sound:g} c0)"),
-        ("epsilon", f"{setting.xsph:g}" if setting.xsph > 0 else "no XSPH"),
-        ("kernel", setting.kernel),
-        ("density", setting.density),
-        ("precision", setting.dtype),
-        ("integrator", setting.integrator),
-        ("expected error", f"{100 * error:.3g} % {scene.of}"),
-        ("expected time", f"{advice.seconds:.3g} s for {built.duration:.4g} s of flow, 1 thread"),
-    ]

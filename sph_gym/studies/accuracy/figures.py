@@ -10,7 +10,7 @@ import numpy as np
 
 from sph_gym.studies.accuracy import fronts
 from sph_gym.studies.accuracy.plan import COMBINED, knobs, rungs
-from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.points import Point, sober
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.settings import nominal
 
@@ -27,11 +27,15 @@ STYLES = {
     "controller": ("#B8A300", "h", "controller"),
 }
 SHORT = {
-    "width": "h = {} dx", "step": "dt {} stable", "sound": "c = {} c0", "kernel": "{}",
+    "width": "h = {} dx", "step": "dt = {} stable", "sound": "c = {} c0", "kernel": "{}",
     "density": "{}", "dtype": "{}", "integrator": "{}", "xsph": "epsilon {}", "controller": "{}",
 }  # fmt: skip
-# Points of a front that are numbered, and how wide their explanations are.
-NUMBERED, WIDE = 8, 46
+# Of the size of a front: how far apart points that are numbered are at least.
+APART = 0.14
+LUCK = (
+    "Luck apart: on the front, an error counts at least as much as those of finer runs of the "
+    "same settings."
+)
 # Digits of the numbers on an axis, the fewest first.
 TICKS: tuple[tuple[float, ...], ...] = (
     (1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 5, 7), (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8),
@@ -68,7 +72,7 @@ def draw(scene: Problem, points: Sequence[Point], path: Path) -> Path:
     figure = figure_of(12, 8)
     every = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(left=0.07, right=0.95, top=0.88, bottom=0.4, wspace=0.06)
-    best = fronts.front(points, "cost")
+    best = fronts.front(sober(points), "cost")
     for axes, (cost, label) in zip(every, PANELS, strict=True):
         _draw_panel(axes, scene, points, cost)
         axes.set_xlabel(label)
@@ -76,7 +80,6 @@ def draw(scene: Problem, points: Sequence[Point], path: Path) -> Path:
         readable(axes)
     every[0].set_ylabel(f"error [% {scene.of}]")
     _number(every[0], best)
-    _number(every[1], best, "pairs")
     handles, labels = every[0].get_legend_handles_labels()
     figure.legend(
         handles, labels, frameon=False, ncols=6, fontsize=8.5, loc="upper center",
@@ -94,7 +97,7 @@ def _title(scene: Problem) -> str:
 
 def _conclusion(scene: Problem, points: Sequence[Point]) -> str:
     """What the diagram shows, in one line."""
-    gain = fronts.gain(points)
+    gain = fronts.gain(sober(points))
     if not math.isfinite(gain):
         return "no setting reaches the nominal error"
     return (
@@ -115,10 +118,10 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
         [value(p, cost) for p in combined], [100 * p.error for p in combined], ".",
         color="#999999", markersize=6, label="several knobs at once",
     )  # fmt: skip
-    best = fronts.front(points, "cost") if cost == "cost" else _work_front(points)
+    best = fronts.front(sober(points), "cost" if cost == "cost" else "interactions")
     axes.plot(
         [value(p, cost) for p in best], [100 * p.error for p in best], "-", color="#FFC20A",
-        linewidth=7, alpha=0.55, solid_capstyle="round", label="Pareto front", zorder=1,
+        linewidth=7, alpha=0.55, solid_capstyle="round", label="Pareto front, luck apart", zorder=1,
     )  # fmt: skip
     axes.plot(
         [value(p, cost) for p in ladder], [100 * p.error for p in ladder], "o-", color="black",
@@ -137,10 +140,6 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
     if start.good:
         _slopes(axes, start, cost)
     _mark_ends(axes, scene, ladder, cost)
-
-
-def _work_front(points: Sequence[Point]) -> list[Point]:
-    return fronts.front(points, "interactions")
 
 
 def _draw_arms(axes: Any, points: Sequence[Point], cost: str) -> None:
@@ -180,12 +179,12 @@ def _slopes(axes: Any, start: Point, cost: str) -> None:
 
 def _mark_ends(axes: Any, scene: Problem, ladder: Sequence[Point], cost: str) -> None:
     """How many particles the coarsest and the finest run have along the scene's length."""
-    ends = {id(p): p for p in (*ladder[:1], *ladder[-1:])}.values()
-    for point in ends:
-        axes.annotate(
-            f"{scene.length} / {point.setting.across}", (value(point, cost), 100 * point.error),
-            xytext=(7, 7), textcoords="offset points", fontsize=8.5, zorder=7,
-        )  # fmt: skip
+    for point, place, side in ((ladder[-1:], (7, 7), "left"), (ladder[:1], (-2, -15), "center")):
+        for end in point if len(ladder) > 1 else ():
+            axes.annotate(
+                f"{scene.length} / {end.setting.across}", (value(end, cost), 100 * end.error),
+                xytext=place, textcoords="offset points", fontsize=8.5, ha=side, zorder=7,
+            )  # fmt: skip
 
 
 def readable(axes: Any) -> None:
@@ -221,10 +220,10 @@ def _plain(number: float) -> str:
     return f"${head}10^{{{exponent}}}$"
 
 
-def _number(axes: Any, best: Sequence[Point], cost: str = "cost") -> None:
+def _number(axes: Any, best: Sequence[Point]) -> None:
     for k, point in enumerate(_numbered(best), 1):
         axes.annotate(
-            str(k), (value(point, cost), 100 * point.error), xytext=(-11, -11),
+            str(k), (point.cost, 100 * point.error), xytext=(-11, -11),
             textcoords="offset points", fontsize=8.5, fontweight="bold", ha="center",
             va="center", zorder=8,
             bbox={"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "black", "lw": 0.7},
@@ -232,10 +231,17 @@ def _number(axes: Any, best: Sequence[Point], cost: str = "cost") -> None:
 
 
 def _numbered(best: Sequence[Point]) -> list[Point]:
-    """Some points of a front, spread over it."""
-    if len(best) <= NUMBERED:
+    """Some points of a front, its ends among them, none close to another."""
+    if len(best) < 2:
         return list(best)
-    return [best[k] for k in np.linspace(0, len(best) - 1, NUMBERED).round().astype(int)]
+    places = np.log([[point.cost, point.error] for point in best])
+    places = (places - places.min(axis=0)) / np.maximum(np.ptp(places, axis=0), 1e-9)
+    chosen = [0]
+    for k in range(1, len(best) - 1):
+        apart = min(np.hypot(*(places[k] - places[j])) for j in (chosen[-1], -1))
+        if apart > APART:
+            chosen.append(k)
+    return [best[k] for k in [*chosen, len(best) - 1]]
 
 
 def _explain(figure: Any, scene: Problem, best: Sequence[Point]) -> None:
@@ -245,8 +251,8 @@ def _explain(figure: Any, scene: Problem, best: Sequence[Point]) -> None:
     for k, point in enumerate(numbered):
         text = f"{k + 1}  {100 * point.error:.2g} %, {point.wall:.2g} s: {_name(scene, point)}"
         figure.text(0.07 + 0.46 * (k // half), 0.2 - 0.028 * (k % half), text, fontsize=8.5)
-    note = textwrap.fill(scene.note, 165)
-    figure.text(0.07, 0.05, note, fontsize=9, style="italic", color="#333333")
+    note = textwrap.fill(scene.note + " " + LUCK, 160)
+    figure.text(0.07, 0.035, note, fontsize=9, style="italic", color="#333333", linespacing=1.5)
 
 
 def _name(scene: Problem, point: Point) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from sph_gym.scenes.free_bodies import ellipse
 from sph_gym.scenes.martin_moyce import SHIFTS, front_error
 from sph_gym.studies.accuracy import fronts
-from sph_gym.studies.accuracy.points import Point, save
+from sph_gym.studies.accuracy.points import Point, save, sober
 from sph_gym.studies.peers import PeerError, Peers
 from sph_gym.studies.table import Row
 from sph_gym.studies.timing import pinned
@@ -77,7 +77,7 @@ def compare(scene: str, ours: Sequence[Point], theirs: Sequence[Found]) -> Itera
     bounded = scene == "elliptical_drop"
     target = TARGET if bounded else min(found.error for found in theirs)
     for clock, what in (("wall", ""), ("own", ", by processor time")):
-        mine = fronts.cheapest(ours, target, clock)
+        mine = fronts.cheapest(sober(ours), target, clock)
         law = fronts.fit([t.error for t in theirs], [getattr(t, clock) for t in theirs])
         seconds = math.exp(law.intercept) * target**law.slope
         if not bounded:

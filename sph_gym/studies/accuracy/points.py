@@ -7,6 +7,7 @@ with all that they depend on; times lie in another, so that they can be taken an
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -75,6 +76,23 @@ class Point(NamedTuple):
     def good(self) -> bool:
         """Whether it came to an end with an error worth the name."""
         return 0 < self.error < ABSURD
+
+
+def sober(points: Sequence[Point]) -> list[Point]:
+    """The same, but for luck: nobody's error is smaller than that of finer runs of its settings.
+
+    An error that crosses zero is tiny for a moment, which says nothing of its neighbours.
+    """
+    worst: dict[Setting, list[Point]] = {}
+    for found in points:
+        if found.good:
+            worst.setdefault(found.setting.line, []).append(found)
+    return [_no_better(found, worst.get(found.setting.line, [])) for found in points]
+
+
+def _no_better(found: Point, alike: Sequence[Point]) -> Point:
+    finer = [other.error for other in alike if other.setting.across >= found.setting.across]
+    return found._replace(error=max(finer)) if found.good else found
 
 
 # --- On disk --------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from sph_gym.studies.accuracy.plan import (
     sizes,
     sweeps,
 )
-from sph_gym.studies.accuracy.points import Point, point
+from sph_gym.studies.accuracy.points import Point, point, sober
 from sph_gym.studies.accuracy.problems import Problem, problem
 from sph_gym.studies.accuracy.settings import Setting
 from sph_gym.studies.peers import Peers
@@ -119,7 +119,7 @@ def rows(scene: Problem, points: Sequence[Point]) -> Iterator[Row]:
     for knob in knobs(points):
         yield from _gains(scene, knob, points)
     for target in fronts.TARGETS:
-        found = fronts.cheapest(points, target, TIME)
+        found = fronts.cheapest(sober(points), target, TIME)
         seconds = math.inf if found is None else found.wall
         if found is not None:
             yield Row(f"cheapest with {100 * target:g} %", scene.scene, seconds, "s")

@@ -10,7 +10,7 @@ import numpy as np
 from sph_gym.studies.accuracy import fronts
 from sph_gym.studies.accuracy.figures import STYLES, figure_of, readable, save
 from sph_gym.studies.accuracy.plan import rungs
-from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.points import Point, sober
 from sph_gym.studies.accuracy.problems import Problem, problem
 
 FRONT = "#D55E00"
@@ -43,13 +43,13 @@ def _draw_multiples(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> Non
 
 def _draw_small(axes: Any, name: str, points: Sequence[Point]) -> None:
     ladder = sorted((p for p in rungs(points) if p.good), key=lambda p: p.dx)
-    best = fronts.front(points, "wall")
+    best = fronts.front(sober(points), "wall")
     for runs, style, colour, size in ((ladder, "o-", "black", 3.5), (best, "s--", FRONT, 3.0)):
         axes.plot(
             [p.wall for p in runs], [100 * p.error for p in runs], style, color=colour,
             markersize=size, linewidth=1.3,
         )  # fmt: skip
-    gain = fronts.gain(points)
+    gain = fronts.gain(sober(points))
     bold = f"{gain:.1f} times at equal error" if math.isfinite(gain) else ""
     axes.set_title(f"{name.replace('_', ' ')}\n{bold}", fontsize=8.5, pad=3)
     axes.set_xscale("log")

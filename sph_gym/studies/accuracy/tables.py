@@ -8,7 +8,7 @@ from sph_gym.studies import machine
 from sph_gym.studies.accuracy import figures, fronts, recommend, summary
 from sph_gym.studies.accuracy.benchmark import CAREFUL, rate
 from sph_gym.studies.accuracy.plan import NUMBERS, knobs, rungs
-from sph_gym.studies.accuracy.points import Point, sources
+from sph_gym.studies.accuracy.points import Point, sober, sources
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.promises import samples
 
@@ -17,8 +17,8 @@ TIME = "cost"
 
 def write_scene(scene: Problem, points: Sequence[Point], folder: Path) -> None:
     """Tables and picture of one scene, and the table from which its settings are recommended."""
-    best = fronts.front(points, TIME)
-    listed = [{**record(found), "on_front": found in best} for found in points]
+    best = {found.key for found in fronts.front(sober(points), TIME)}
+    listed = [{**record(found), "on_front": found.key in best} for found in points]
     _both(listed, folder / f"{scene.scene}_points")
     _both(gains(points), folder / f"{scene.scene}_gains")
     comment = f"sources {sources()}; {machine.describe()['processor']}; {rate(CAREFUL):.4g}/s"
@@ -94,7 +94,7 @@ def cheapest(points: Sequence[Point]) -> list[dict[str, Any]]:
     """Of every scene, the measured setting that takes least time for some errors."""
     rows = []
     for scene in dict.fromkeys(found.scene for found in points):
-        own = [found for found in points if found.scene == scene]
+        own = sober([found for found in points if found.scene == scene])
         for target in fronts.TARGETS:
             found = fronts.cheapest(own, target, TIME)
             if found is not None:

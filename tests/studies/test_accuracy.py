@@ -225,6 +225,16 @@ def test_what_an_agent_did_is_played():
     )
 
 
+def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
+    def blow_up(name, scene):
+        raise RuntimeError("ppo: blew up")
+
+    monkeypatch.setattr(policies, "schedule", blow_up)
+    found = points.point(DROP, "controller", drop(controller="ppo"), tmp_path, repeats=1)
+    assert not found.good
+    assert found.cause == "its agent blew up"
+
+
 def test_agents_are_where_they_can_be():
     assert policies.available("lookahead", "dam_break")
     assert not policies.available("lookahead", "couette")

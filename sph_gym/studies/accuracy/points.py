@@ -21,13 +21,15 @@ from sph_gym.studies import machine
 from sph_gym.studies.accuracy import policies
 from sph_gym.studies.accuracy.benchmark import rate
 from sph_gym.studies.accuracy.problems import Problem
-from sph_gym.studies.accuracy.running import execute
+from sph_gym.studies.accuracy.running import Outcome, execute
 from sph_gym.studies.accuracy.settings import Setting, build
 
 # What is short is run more often, up to so much time [s] and so many runs.
 PATIENCE, MOST = 0.5, 7
 # An error above this is none that a diagram could show: 1000 %.
 ABSURD = 10.0
+# Of an agent that doesn't get to the end of its own episode.
+LOST = Outcome(math.nan, "its agent blew up", [], 1.0, 0, 0, 0.0, math.nan, math.nan)
 
 
 class Point(NamedTuple):
@@ -191,7 +193,10 @@ def _run_once(
     facts: dict[str, Any],
 ) -> None:
     """Run, and enter the time; the first run writes the record, later ones must agree with it."""
-    outcome = execute(problem, setting, other, played)._asdict()
+    if played is not None and not played:
+        outcome = LOST._asdict()
+    else:
+        outcome = execute(problem, setting, other, played)._asdict()
     times = {name: outcome.pop(name) for name in ("wall", "own")}
     if record.exists():
         before = json.loads(record.read_text())["outcome"]["error"]
@@ -206,13 +211,19 @@ def _run_once(
 def _schedule(
     problem: Problem, setting: Setting, other: bool, folder: Path, key: str
 ) -> policies.Schedule | None:
-    """What an agent does, from the folder or from itself; None for rules and fixed settings."""
+    """What an agent does, from the folder or from itself; None for rules and fixed settings.
+
+    Nothing if it blew up.
+    """
     if not policies.needs_schedule(setting.controller):
         return None
     path = folder / "schedules" / f"{key}.json"
     if not path.exists():
         scene = replace(nominal_scene(problem, setting, other), controls=None)
-        save(path, {"controls": policies.schedule(setting.controller, scene)})
+        try:
+            save(path, {"controls": policies.schedule(setting.controller, scene)})
+        except RuntimeError as error:
+            save(path, {"controls": [], "cause": str(error)})
     controls: policies.Schedule = json.loads(path.read_text())["controls"]
     return controls
 

@@ -14,6 +14,8 @@ from sph_gym.studies.accuracy.points import Point, sober
 from sph_gym.studies.accuracy.problems import Problem, problem
 
 FRONT = "#D55E00"
+# Gains that are shown as numbers.
+NOTICED, MOST = 1.05, 8.0
 
 
 def draw(by_scene: Mapping[str, Sequence[Point]], path: Path) -> Path:
@@ -67,7 +69,7 @@ def _draw_gains(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> None:
     shades = np.log2(np.clip(np.nan_to_num(table, nan=1.0), 1.0, 8.0))
     axes.imshow(shades, cmap="Blues", vmin=0.0, vmax=3.6, aspect="auto")
     for (row, column), gain in np.ndenumerate(table):
-        text = "" if math.isnan(gain) else "·" if gain < 1.05 else f"{gain:.2g}"
+        text = "" if math.isnan(gain) else _short(gain)
         dark = shades[row, column] > 2.2
         axes.text(
             column, row, text, ha="center", va="center", fontsize=9,
@@ -86,6 +88,13 @@ def _draw_gains(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> None:
         0.02, 0.03, "* its error doesn't fall steadily with dx: numbers leave room for chance",
         fontsize=8.5, color="#333333",
     )  # fmt: skip
+
+
+def _short(gain: float) -> str:
+    """As much of a number as can be believed of a single run."""
+    if gain < NOTICED:
+        return "·"
+    return f"{gain:.2g}" if gain < MOST else f"> {MOST:g}"
 
 
 def _star(scene: Problem) -> str:

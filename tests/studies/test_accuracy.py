@@ -202,7 +202,7 @@ def test_halving_the_step_doubles_the_steps():
 def test_luck_does_not_count():
     runs = [drop(across=n) for n in (6, 8, 10)] + [drop(kernel="spiky")]
     errors = [0.03, 0.001, 0.01, 0.002]
-    plain = points.Point("drop", "", drop(), 0.1, 0, "", 1, 9, 9, 9, 1, 1, 1, 1, 0, "")
+    plain = points.Point("drop", "", drop(), 0.1, 0, "", 1, 9, 9, 9, 1, 1, 1, 1, 0, 0, "")
     found = [plain._replace(setting=s, error=e) for s, e in zip(runs, errors, strict=True)]
     assert [point.error for point in points.sober(found)] == [0.03, 0.01, 0.01, 0.002]
 

@@ -39,7 +39,8 @@ class Point(NamedTuple):
     of the blow-up; seconds: of physical time; particles: fluid and wall; substeps, interactions:
     steps and pairs (i, j) of their force evaluations; wall, own: median seconds of the whole run
     on the wall and of the thread; rate: of the benchmark at that time [particle-steps/s]; runs:
-    of which these are medians; differing: runs whose error differed, which should be none.
+    of which these are medians, spread: the range of their wall clocks / the median; differing:
+    runs whose error differed, which should be none.
     """
 
     scene: str
@@ -56,6 +57,7 @@ class Point(NamedTuple):
     own: float
     rate: float
     runs: int
+    spread: float
     differing: int
     key: str
 
@@ -249,5 +251,6 @@ def _point(
     return Point(
         problem.scene, knob, setting, problem.metres(other) / setting.across, outcome["error"],
         outcome["cause"], outcome["seconds"], outcome["particles"], outcome["substeps"],
-        outcome["interactions"], wall, own, rate_then, len(taken["wall"]), taken["differing"], key,
+        outcome["interactions"], wall, own, rate_then, len(taken["wall"]),
+        float(np.ptp(taken["wall"] or [0.0])) / wall, taken["differing"], key,
     )  # fmt: skip

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from sph_gym.solver.checks import known
 from sph_gym.studies.accuracy import fronts, peer, promises, tables
 from sph_gym.studies.accuracy.plan import (
@@ -115,6 +117,9 @@ def rows(scene: Problem, points: Sequence[Point]) -> Iterator[Row]:
     yield Row("runs", scene.scene, len(points), "")
     yield Row("runs that blew up", scene.scene, sum(bool(p.cause) for p in points), "")
     yield Row("runs that differed when repeated", scene.scene, _differing(points), "", 0.0)
+    spreads = [found.spread for found in points if found.runs > 1]
+    if spreads:
+        yield Row("range of repeated times / median", scene.scene, float(np.median(spreads)), "")
     yield _order(scene, points)
     for knob in knobs(points):
         yield from _gains(scene, knob, points)

@@ -32,6 +32,8 @@ SHORT = {
 }  # fmt: skip
 # Of the size of a front: how far apart points that are numbered are at least.
 APART = 0.14
+# Largest over smallest error of an axis, at least.
+LEAST_RANGE = 8.0
 LUCK = (
     "Luck apart: on the front, an error counts at least as much as those of finer runs of the "
     "same settings."
@@ -137,6 +139,7 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.margins(0.1)
+    widen(axes)
     if start.good:
         _slopes(axes, start, cost)
     _mark_ends(axes, scene, ladder, cost)
@@ -163,6 +166,16 @@ def _draw_arms(axes: Any, points: Sequence[Point], cost: str) -> None:
             *zip(*places, strict=True), marker=marker, linestyle="none", color=colour,
             markersize=6.5, markeredgecolor="white", markeredgewidth=0.6, label=label, zorder=3,
         )  # fmt: skip
+        if knob == "controller":
+            _name_controllers(axes, turned, cost)
+
+
+def _name_controllers(axes: Any, turned: Sequence[Point], cost: str) -> None:
+    for point in turned:
+        axes.annotate(
+            point.setting.controller.replace("_", " "), (value(point, cost), 100 * point.error),
+            xytext=(4, -9), textcoords="offset points", fontsize=6.5, color="#5A5000", zorder=5,
+        )  # fmt: skip
 
 
 def _slopes(axes: Any, start: Point, cost: str) -> None:
@@ -185,6 +198,13 @@ def _mark_ends(axes: Any, scene: Problem, ladder: Sequence[Point], cost: str) ->
                 f"{scene.length} / {end.setting.across}", (value(end, cost), 100 * end.error),
                 xytext=place, textcoords="offset points", fontsize=8.5, ha=side, zorder=7,
             )  # fmt: skip
+
+
+def widen(axes: Any) -> None:
+    """Leave room around errors that hardly differ, so that they look as if they hardly did."""
+    low, high = axes.get_ylim()
+    room = math.sqrt(max(LEAST_RANGE / (high / low), 1.0))
+    axes.set_ylim(low / room, high * room)
 
 
 def readable(axes: Any) -> None:

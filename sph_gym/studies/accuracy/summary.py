@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sph_gym.studies.accuracy import fronts
-from sph_gym.studies.accuracy.figures import STYLES, figure_of, readable, save
+from sph_gym.studies.accuracy.figures import STYLES, figure_of, readable, save, widen
 from sph_gym.studies.accuracy.plan import rungs
 from sph_gym.studies.accuracy.points import Point, sober
 from sph_gym.studies.accuracy.problems import Problem, problem
@@ -57,6 +57,7 @@ def _draw_small(axes: Any, name: str, points: Sequence[Point]) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.margins(0.1)
+    widen(axes)
     readable(axes)
     axes.tick_params(labelsize=7.5)
 

@@ -1,4 +1,4 @@
-"""Command line: `python -m sph_gym run SCENE`, `study NAME`, `docs [ID]` and `manifest`."""
+"""Command line: `python -m sph_gym run | study | recommend | docs | manifest`."""
 
 import argparse
 import sys
@@ -6,6 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym import scenes
+
+STUDIES = (
+    "startup", "validation", "throughput", "effects", "headroom", "exploits", "soak", "stability",
+    "accuracy",
+)  # fmt: skip
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -23,7 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m sph_gym", description=__doc__)
-    commands = parser.add_subparsers(required=True, metavar="run | study | docs | manifest")
+    commands = parser.add_subparsers(
+        required=True, metavar="run | study | recommend | docs | manifest"
+    )
     run = commands.add_parser("run", help="run a scene; log, watch or film it")
     run.set_defaults(function=_run)
     run.add_argument("scene", help=", ".join(scenes.names()))
@@ -46,20 +53,23 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--save", metavar="PATH", help="record it: .npz, .h5, or .pvd for ParaView")
     study = commands.add_parser("study", help="measure something and print a table")
     study.set_defaults(function=_study)
-    study.add_argument(
-        "name",
-        help="startup, validation, throughput, effects, headroom, exploits, soak, stability",
-    )
+    study.add_argument("name", help=", ".join(STUDIES))
     study.add_argument("--quick", action="store_true", help="coarser and sooner")
     study.add_argument(
-        "--peers", metavar="PATH", help="throughput: folder of a script to race against"
+        "--peers", metavar="PATH", help="throughput, accuracy: folder of a script to race against"
     )
     study.add_argument(
         "--peers-python", metavar="PYTHON", default=sys.executable, help="what runs that script"
     )
-    study.add_argument("--scenes", nargs="+", metavar="SCENE", help="validation: only these scenes")
-    study.add_argument("--again", action="store_true", help="validation: anew what was done before")
+    study.add_argument(
+        "--scenes", nargs="+", metavar="SCENE", help="validation, accuracy: only these scenes"
+    )
+    study.add_argument(
+        "--again", action="store_true",
+        help="validation: anew what was done before; accuracy: its times",
+    )  # fmt: skip
     study.add_argument("--output", default="runs/studies", help="folder of the CSV file")
+    _add_recommend(commands)
     docs = commands.add_parser("docs", help="everything about an environment, as Markdown")
     docs.set_defaults(function=_docs)
     docs.add_argument("id", nargs="?", help="such as sph_gym/DamBreak-v0; without: a list")
@@ -71,6 +81,20 @@ def _parser() -> argparse.ArgumentParser:
     manifest.add_argument("--scenes", nargs="+", metavar="SCENE", help="only these environments")
     manifest.add_argument("--output", metavar="FOLDER", help="by default, where sph_gym reads them")
     return parser
+
+
+def _add_recommend(commands: Any) -> None:
+    recommend = commands.add_parser("recommend", help="settings for an error or a time")
+    recommend.set_defaults(function=_recommend)
+    recommend.add_argument("scene", help="one that `study accuracy` has measured")
+    wanted = recommend.add_mutually_exclusive_group(required=True)
+    wanted.add_argument("--error", type=float, metavar="SHARE", help="such as 0.01 for 1 %%")
+    wanted.add_argument("--budget", metavar="TIME", help="wall clock, such as 10s, 500ms or 2min")
+    recommend.add_argument(
+        "--set", nargs="*", action="extend", default=[], metavar="NAME=VALUE",
+        help="scene arguments but for dx",
+    )  # fmt: skip
+    recommend.add_argument("--table", type=Path, help="lines.csv of a study of your own")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -119,6 +143,22 @@ def _study(options: argparse.Namespace) -> int:
     return run_study(
         options.name, options.quick, options.output, peers, options.scenes, options.again
     )
+
+
+def _recommend(options: argparse.Namespace) -> int:
+    from sph_gym.studies.accuracy import recommend, telling
+
+    advice = recommend.advise(
+        options.scene,
+        options.error,
+        None if options.budget is None else recommend.parse_budget(options.budget),
+        dict(map(_assignment, options.set)),
+        options.table,
+    )
+    for name, value in telling.describe(advice):
+        print(f"{name + ':':<16}{value}")
+    print("", telling.program(advice), sep="\n")
+    return 0
 
 
 def _docs(options: argparse.Namespace) -> int:

@@ -1,6 +1,7 @@
 import pytest
 
-from sph_gym.__main__ import main
+from sph_gym import studies
+from sph_gym.__main__ import STUDIES, main
 from sph_gym.scenes import droplet
 
 
@@ -72,3 +73,7 @@ def test_wrong_words_give_one_clear_line(arguments, capsys):
     error = capsys.readouterr().err
     assert error.startswith("sph_gym: ")
     assert "expected" in error
+
+
+def test_the_help_names_every_study():
+    assert tuple(studies.names()) == STUDIES

@@ -56,6 +56,13 @@ def test_every_page_is_printed(command):
     assert done.stdout.startswith(f"# {words[3]}")
 
 
+@pytest.mark.parametrize("command", [c for c in COMMANDS if "sph_gym recommend" in c])
+def test_every_recommendation_is_made(command):
+    done = run([sys.executable, *shlex.split(command)[1:]])
+    assert done.returncode == 0, done.stderr
+    assert "expected error:" in done.stdout
+
+
 def test_every_study_is_known():
     named = {c.split()[4] for c in COMMANDS if " study " in c}
     from sph_gym import studies

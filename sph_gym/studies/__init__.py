@@ -6,6 +6,7 @@ from typing import Any
 
 from sph_gym.solver.checks import known
 from sph_gym.studies import (
+    accuracy,
     effects,
     exploits,
     headroom,
@@ -28,9 +29,15 @@ _STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "exploits": exploits.measure,
     "soak": soak.measure,
     "stability": stability.measure,
+    "accuracy": accuracy.measure,
 }
 # Studies that keep finished runs in their folder.
-_KEEPING = ("validation", "headroom", "exploits", "soak", "stability")
+_KEEPING = ("validation", "headroom", "exploits", "soak", "stability", "accuracy")
+# Studies of which a part can be chosen, and what they can measure anew.
+_IN_PARTS: dict[str, Callable[[], list[str]]] = {
+    "validation": validation.with_reference,
+    "accuracy": accuracy.names,
+}
 # What more a study leaves in its folder, from its rows.
 _FINISH: dict[str, Callable[[list[Row], Path], None]] = {"throughput": throughput.finish}
 
@@ -50,24 +57,26 @@ def run_study(
 ) -> int:
     """Run a study, print its table, write `folder`/NAME.csv and, on what it ran, NAME.json.
 
-    A part of the validation is called after the part: validation_quick, validation_SCENE.
+    A part of a study is called after the part: validation_quick, accuracy_SCENE.
     The file grows with every row, so that an interrupted study leaves what it has measured.
-    chosen: scenes to validate; again: validate anew what was validated before.
+    chosen: scenes of the studies that go by scenes; again: validate anew what was validated
+    before, or take the times of `accuracy` anew.
     Returns 1 if a row misses its bound, else 0. Raises ValueError that lists the known studies,
     and for options of another study.
     """
     study = _STUDIES[known("study", name, _STUDIES)]
     place = Path(folder)
     options: dict[str, Any] = {"folder": place} if name in _KEEPING else {}
-    for option, value, owner in (
-        ("peers", peers, "throughput"),
-        ("chosen", chosen, "validation"),
-        ("again", again or None, "validation"),
+    for option, value, owners in (
+        ("peers", peers, ("throughput", "accuracy")),
+        ("chosen", chosen, tuple(_IN_PARTS)),
+        ("again", again or None, tuple(_IN_PARTS)),
     ):
         if value is None:
             continue
-        if name != owner:
-            raise ValueError(f"{option}: only the {owner} study has it, not {name}")
+        if name not in owners:
+            who = " and ".join(owners)
+            raise ValueError(f"{option}: only the studies {who} have it, not {name}")
         options[option] = value
     rows: list[Row] = []
     stem = _stem(name, quick, chosen)
@@ -85,9 +94,9 @@ def run_study(
 
 def _stem(name: str, quick: bool, chosen: Sequence[str] | None) -> str:
     """What the files of a study are called, so that no part of it overwrites the whole."""
-    if name != "validation":
+    if name not in _IN_PARTS:
         return name
     for scene in chosen or ():
-        known("scenes", scene, validation.with_reference())
+        known("scenes", scene, _IN_PARTS[name]())
     several = [f"{len(chosen)}_scenes"] if chosen and len(chosen) > 4 else [*(chosen or ())]
     return "_".join([name, *several, *(["quick"] if quick else [])])

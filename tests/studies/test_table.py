@@ -74,7 +74,7 @@ def test_the_machine_is_described(tmp_path, capsys):
 
 
 def test_only_one_study_has_peers(tmp_path):
-    with pytest.raises(ValueError, match="peers: only the throughput study"):
+    with pytest.raises(ValueError, match="peers: only the studies throughput and accuracy"):
         studies.run_study("validation", folder=tmp_path, peers=Peers(tmp_path))
 
 

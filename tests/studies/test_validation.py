@@ -188,7 +188,7 @@ def test_scenes_without_a_reference_are_refused(planted, tmp_path, capsys):
     assert main(["study", "validation", "--scenes", "dam_break", *output]) == 2
     assert "expected one of relaxation" in capsys.readouterr().err
     assert main(["study", "startup", "--again", *output]) == 2
-    assert "only the validation study" in capsys.readouterr().err
+    assert "only the studies validation and accuracy" in capsys.readouterr().err
 
 
 def test_a_blow_up_fails_its_row_and_not_the_study(planted, tmp_path, monkeypatch, capsys):

@@ -1,0 +1,163 @@
+"""Which runs are made: every knob alone, then those that pay together at all resolutions."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple, Protocol, TypeVar
+
+from sph_gym.solver.integrators import INTEGRATORS
+from sph_gym.solver.kernels import KERNELS
+from sph_gym.solver.simulation import DTYPES
+from sph_gym.studies.accuracy.fronts import Known, worth
+from sph_gym.studies.accuracy.policies import available
+from sph_gym.studies.accuracy.problems import Problem, names
+from sph_gym.studies.accuracy.settings import DENSITIES, Setting, nominal
+
+# Beyond this h / dx nobody goes: 50 neighbours.
+WIDEST = 5.0
+# Knobs whose values are numbers, for which an elasticity makes sense; runs of several at once.
+NUMBERS = ("resolution", "width", "step", "sound", "xsph")
+COMBINED = "combined"
+# Knobs in the order in which their best values are taken over, one upon the other.
+CHAIN = ("dtype", "step", "sound", "width", "kernel", "density", "integrator", "xsph")
+# What a value must buy by itself to be taken over.
+WORTHWHILE = 1.1
+# Of the stable step: nobody is advised to go beyond it, for the limit is near, and where it lies
+# depends on all the rest.
+LONGEST = 1.5
+
+
+class Plan(NamedTuple):
+    """What is tried: scenes; factors of h / dx, of the stable step and of c0; epsilons; names.
+
+    sizes: how many resolutions, coarse first, None for all; chain: whether what pays is combined;
+    promises: whether recommendations are tried out; repeats: runs of which a time is the median.
+    """
+
+    scenes: tuple[str, ...] = tuple(names())
+    widths: tuple[float, ...] = (0.7, 0.85, 1.2, 1.45)
+    steps: tuple[float, ...] = (0.25, 0.5, 1.5, 2.0)
+    sounds: tuple[float, ...] = (0.35, 0.5, 0.7, 1.4, 2.0)
+    epsilons: tuple[float, ...] = (0.0, 0.15, 0.3, 0.5)
+    kernels: tuple[str, ...] = tuple(KERNELS)
+    densities: tuple[str, ...] = DENSITIES
+    dtypes: tuple[str, ...] = tuple(DTYPES)
+    integrators: tuple[str, ...] = tuple(INTEGRATORS)
+    controllers: tuple[str, ...] = ("cfl", "tuned_cfl", "lookahead", "ppo", "sac")
+    sizes: int | None = None
+    chain: bool = True
+    promises: bool = True
+    repeats: int = 3
+
+
+FULL = Plan()
+QUICK = Plan(
+    scenes=("elliptical_drop", "taylor_green"), widths=(0.85,), steps=(1.5,), sounds=(0.5,),
+    epsilons=(), kernels=(), densities=(), dtypes=("float32",), integrators=(),
+    controllers=("cfl",), sizes=3, chain=True, promises=True, repeats=2,
+)  # fmt: skip
+
+
+def sizes(plan: Plan, problem: Problem) -> tuple[int, ...]:
+    """The resolutions of a scene."""
+    return problem.sizes[: plan.sizes]
+
+
+def middle(plan: Plan, problem: Problem) -> int:
+    """The resolution at which the knobs are turned: the nominal one, if it is run at all."""
+    return min(problem.nominal, sizes(plan, problem)[-1])
+
+
+def sweeps(plan: Plan, problem: Problem) -> Iterator[tuple[str, Setting]]:
+    """Knob and setting of every run in which one knob alone is turned; the nominal run first."""
+    start = nominal(problem, middle(plan, problem))
+    yield "nominal", start
+    for across in sizes(plan, problem):
+        if across != start.across:
+            yield "resolution", start._replace(across=across)
+    for knob, values in _values(plan, problem, start).items():
+        for value in values:
+            turned = start._replace(**{knob: value})  # type: ignore[arg-type]
+            if turned != start:
+                yield knob, turned
+
+
+def _values(plan: Plan, problem: Problem, start: Setting) -> dict[str, Iterable[float | str]]:
+    widest = min(problem.widest, WIDEST)
+    widths = (round(factor * start.width, 2) for factor in plan.widths)
+    walled = problem.build(start.across).walls
+    like_fluid = walled is not None and walled.pressure == "like fluid"
+    return {
+        "width": [width for width in widths if width <= widest],
+        "step": plan.steps,
+        "sound": plan.sounds,
+        "kernel": plan.kernels,
+        # boundary particles that are like fluid sum their densities
+        "density": () if like_fluid else plan.densities,
+        "dtype": plan.dtypes,
+        "integrator": plan.integrators,
+        "xsph": plan.epsilons,
+        "controller": [name for name in plan.controllers if available(name, problem.scene)],
+    }
+
+
+def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Known]) -> Iterator[Setting]:
+    """Settings, at no resolution, that are run at all resolutions besides the nominal one.
+
+    One knob after the other takes the value that buys most by itself, by deterministic work and
+    at equal error. Each line keeps what the one before has, if that was better for it and went
+    well at every resolution. found: the runs so far, to which those of a line have been added
+    when the next one is asked for.
+    """
+    turned = list(sweeps(plan, problem))
+    start = turned[0][1]
+    nominal_line = [found[s] for knob, s in turned if knob in ("nominal", "resolution")]
+    present, best = start, 1.0
+    for knob in CHAIN if plan.chain else ():
+        tried = [s for name, s in turned if name == knob and s.step <= LONGEST]
+        gains = {getattr(s, knob): _gain(nominal_line, found[s], knob) for s in tried}
+        value = max(gains, key=lambda value: gains[value], default=None)
+        if value is None or gains[value] < WORTHWHILE:
+            continue
+        bold = present._replace(**{knob: value})
+        yield bold.line
+        gain = _gain(nominal_line, found[bold], "dtype" if bold.dtype != start.dtype else "")
+        if gain > best and all(found[s].good for s in ladder(plan, problem, bold.line)):
+            present, best = bold, gain
+    if plan.chain and "tuned_cfl" in plan.controllers:
+        yield start.line._replace(dtype=present.dtype, controller="tuned_cfl")
+
+
+def _gain(nominal_line: list[Known], tried: Known, knob: str) -> float:
+    gain = worth(nominal_line, tried, "interactions")
+    # half the bytes take about two thirds of the time, which no count of pairs tells
+    return gain * (1.3 if knob == "dtype" else 1.0) if math.isfinite(gain) else 0.0
+
+
+def ladder(plan: Plan, problem: Problem, line: Setting) -> list[Setting]:
+    """A line at all resolutions."""
+    return [line._replace(across=across) for across in sizes(plan, problem)]
+
+
+# --- Finding one's way in the points --------------------------------------------------------
+
+
+class Turned(Known, Protocol):
+    """A run that knows which knob was turned."""
+
+    @property
+    def knob(self) -> str:
+        """Its name."""
+
+
+Run = TypeVar("Run", bound=Turned)
+
+
+def rungs(points: Sequence[Run]) -> list[Run]:
+    """The nominal settings at all resolutions, the nominal one first."""
+    return [found for found in points if found.knob in ("nominal", "resolution")]
+
+
+def knobs(points: Sequence[Turned]) -> list[str]:
+    """Those that were turned alone, in the order of the points."""
+    alone = dict.fromkeys(found.knob for found in points)
+    return [knob for knob in alone if knob not in ("nominal", COMBINED)]

@@ -1,0 +1,169 @@
+"""Which scenes are measured, at which resolutions, and which of their errors is the error."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from sph_gym import scenes
+from sph_gym.solver.checks import known
+from sph_gym.solver.scene import Scene
+
+# An error that is taken over all frames instead of being judged in the end.
+RMS = "RMS over the run"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A scene with one error and one length that is resolved.
+
+    length: the argument of the scene that is divided by dx; sizes: into how many particles,
+    coarse first; nominal: the one of them at which the other knobs are turned. arguments: of the
+    scene. measure: the quantity of `Reference.judge` that is the error, or RMS of
+    `Reference.error` over all frames; of: what it is a share of. note: how it converges, and why.
+    order: the least order of convergence in dx that the note promises, None for none.
+    joined: frames of the scene that make one of the study: dt is snapped down until a whole number
+    of steps fits into a frame, which should change it little.
+    other: arguments of a case that no recommendation is fitted to. widest: h / dx that the
+    layers of the walls can serve.
+    """
+
+    scene: str
+    length: str
+    sizes: tuple[int, ...]
+    nominal: int
+    measure: str
+    of: str
+    note: str
+    order: float | None = None
+    arguments: dict[str, Any] = field(default_factory=dict)
+    other: dict[str, Any] = field(default_factory=dict)
+    widest: float = 8.0
+    joined: int = 1
+
+    def metres(self, other: bool = False) -> float:
+        """The length that is resolved [m]."""
+        return float((scenes.parameters(self.scene) | self.given(other))[self.length])
+
+    def given(self, other: bool = False) -> dict[str, Any]:
+        """The arguments but for dx; other: of the case that nothing is fitted to."""
+        return self.arguments | (self.other if other else {})
+
+    def build(self, across: int, other: bool = False) -> Scene:
+        """The scene with so many particles along its length, and its own settings."""
+        scene = scenes.make(self.scene, dx=self.metres(other) / across, **self.given(other))
+        return replace(scene, frame=self.joined * scene.frame)
+
+
+_PROBLEMS = (
+    Problem(
+        "elliptical_drop", "radius", (14, 20, 28, 40, 57, 80), 40,
+        "error of the major semi-axis", "of the exact semi-axis",
+        "First order in dx: the tip is a free surface, where the sums lack half of their "
+        "neighbours.",
+        order=0.8, other={"radius": 0.5, "rate": 60.0}, joined=4,
+    ),
+    Problem(
+        "dam_break", "width", (10, 14, 20, 28, 40), 20,
+        "front, RMS at the best time shift", "of the measured front",
+        "Not below three percent: the reference is an experiment, with a gate, a floor that "
+        "rubs and readings of its own.",
+        arguments={"tank": 5.0}, other={"height": 1.04, "tank": 6.0}, widest=3.0,
+    ),
+    Problem(
+        "taylor_green", "size", (25, 35, 50, 71, 100), 50,
+        "L1 error of the speed / L1 of it", "of its L1 norm",
+        "Between first and second order: disorder costs the sums their second order, shifting "
+        "gives some of it back.",
+        order=0.7, other={"reynolds": 50.0, "seed": 1}, joined=5,
+    ),
+    Problem(
+        "couette", "height", (10, 14, 20, 28, 40, 57), 28,
+        "largest velocity error at the tabulated times", "of U",
+        "Second order until the error of the kernel's second moment is left, which depends on "
+        "h / dx and not on dx.",
+        order=0.7, other={"reynolds": 6.0}, widest=3.0,
+    ),
+    Problem(
+        "poiseuille", "height", (10, 14, 20, 28, 40, 57), 28,
+        "largest velocity error at the tabulated times", "of Umax",
+        "Second order until the error of the kernel's second moment is left, which depends on "
+        "h / dx and not on dx.",
+        order=0.7, other={"reynolds": 6.0}, widest=3.0,
+    ),
+    Problem(
+        "oscillating_drop", "radius", (10, 14, 20, 28, 40), 20,
+        "RMS error of the semi-axis", "of R",
+        "About first order: the free surface, and the amplitude that is lost to heat.",
+        order=0.7, arguments={"periods": 2.0}, other={"rate": 0.4, "radius": 0.7},
+    ),
+    Problem(
+        "standing_wave", "depth", (8, 10, 14, 20, 28), 14, RMS, "of the initial amplitude",
+        "About first order: amplitude is lost at the free surface, and theory is linear.",
+        order=0.5, arguments={"periods": 4}, other={"depth": 0.4, "amplitude": 0.02}, widest=3.0,
+    ),
+    Problem(
+        "hydrostatic_tank", "depth", (7, 10, 14, 20, 28), 14,
+        "pressure profile, mean error", "of rho0 g H",
+        "First order: the surface row lacks neighbours, and its pressure is cut off.",
+        order=0.5, arguments={"seconds": 4.0}, other={"width": 0.4, "depth": 0.4}, widest=3.0,
+    ),
+    Problem(
+        "lid_driven_cavity", "size", (12, 16, 20, 28, 40), 20,
+        "largest error of the mean profiles", "of U",
+        "First to second order down to half a percent, which is as far as the tables agree.",
+        order=0.7, other={"speed": 0.5}, widest=4.0,
+    ),
+    Problem(
+        "colliding_patches", "height", (10, 14, 20, 28, 40), 20,
+        "energy lost, against the impact", "of the energy",
+        "About first order: the impact sends its energy into sound of the wavelength of h.",
+        other={"speed": 0.6, "length": 0.8, "height": 0.8}, joined=5,
+    ),
+    Problem(
+        "rotating_square", "side", (14, 20, 28, 40), 28,
+        "change of kinetic energy", "of the energy",
+        "About first order: what the tensile correction and the artificial viscosity take, at "
+        "corners that become ever thinner.",
+        other={"omega": 0.7}, joined=10,
+    ),
+    Problem(
+        "water_jet", "width", (7, 10, 14, 20), 10, "RMS error of the mean pressure",
+        "of rho U^2 / 2",
+        "About first order down to the noise of a mean over a few passages of the jet.",
+        other={"speed": 4.0}, widest=3.0, joined=4,
+    ),
+    Problem(
+        "drop_impact", "drop_height", (10, 14, 20, 28), 14, "free fall", "of the way to the pool",
+        "First order in dt, whatever dx: nothing but gravity acts, and symplectic Euler drifts "
+        "by g dt t / 2; dt is tied to h / c.",
+        order=0.7, other={"drop_height": 0.3}, widest=3.0,
+    ),
+    Problem(
+        "droplet", "side", (10, 14, 20, 28, 40), 20,
+        "error of the pressure jump", "of sigma / R",
+        "Not steadily: the layer in which the surface pulls is as thick as h and never quite at "
+        "rest, so that the mean pressure keeps an error of chance.",
+        other={"ohnesorge": 0.16}, joined=3,
+    ),
+    Problem(
+        "sloshing", "fill", (5, 7, 10), 7, "centre of mass, RMS", "of the RMS of linear theory",
+        "Slowly: ten rows of water at most, and theory is linear.",
+        arguments={"degrees": 1.0, "period_ratio": 2.0, "periods": 1.5},
+        other={"degrees": 0.8}, widest=3.0,
+    ),
+)  # fmt: skip
+
+
+def names() -> list[str]:
+    """The scenes of the study."""
+    return [problem.scene for problem in _PROBLEMS]
+
+
+def problem(scene: str) -> Problem:
+    """That of a scene. Raises ValueError, which lists them, if there is none."""
+    known("scene", scene, names())
+    return next(problem for problem in _PROBLEMS if problem.scene == scene)
+
+
+def share(value: float, unit: str) -> float:
+    """A value of a `Measure` as a share: percents are hundredths."""
+    return value / 100 if unit.startswith("%") else value

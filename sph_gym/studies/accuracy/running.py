@@ -1,0 +1,113 @@
+"""One execution of a setting: its error, its work and its time."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sph_gym import scenes
+from sph_gym.scenes.reference import Reference, Run
+from sph_gym.solver.simulation import Report, Simulation
+from sph_gym.studies.accuracy import policies
+from sph_gym.studies.accuracy.problems import RMS, Problem, share
+from sph_gym.studies.accuracy.settings import Setting, build
+from sph_gym.studies.timing import own_clock, pinned
+
+
+class Outcome(NamedTuple):
+    """One execution; measures: quantity, value and unit of everything that was judged."""
+
+    error: float
+    cause: str
+    measures: list[list[Any]]
+    seconds: float
+    particles: int
+    substeps: int
+    interactions: float
+    wall: float
+    own: float
+
+
+class Meter:
+    """Sets the controls of a simulation before each advance, and counts what it costs."""
+
+    def __init__(self, sim: Simulation, controller: Callable[[Simulation], Any] | None) -> None:
+        self.sim, self.controller = sim, controller
+        self.wall = self.own = self.interactions = 0.0
+        self.substeps = 0
+        self._clock, self._advance = own_clock(), sim.advance
+        sim.advance = self.advance  # type: ignore[method-assign]
+
+    def advance(self, seconds: float) -> Report:
+        """As `Simulation.advance`, with the controller's time in it and the counting outside."""
+        began, own = time.perf_counter(), self._clock()
+        if self.controller is not None:
+            self.sim.controls = self.controller(self.sim)
+        report = self._advance(seconds)
+        self.own += self._clock() - own
+        self.wall += time.perf_counter() - began
+        self.substeps += report.n_substeps
+        self.interactions += report.n_substeps * float(self.sim.neighbor_counts.sum())
+        return report
+
+
+def execute(
+    problem: Problem,
+    setting: Setting,
+    other: bool = False,
+    played: policies.Schedule | None = None,
+) -> Outcome:
+    """Run a setting from start to end, pinned to one core, on one thread.
+
+    other: the case that nothing is fitted to; played: the controls of an agent. A blow-up is an
+    outcome without an error. Raises ValueError for settings that the scene doesn't allow.
+    """
+    scene = build(problem, setting, other)
+    with pinned():
+        sim = Simulation(scene, setting.dtype, threads=1)
+        _compile(sim)
+        meter = Meter(sim, policies.controller(setting.controller, played))
+        error, cause, measures = _judged(problem, sim)
+    return Outcome(
+        error, cause, measures, scene.duration, sim.n_particles, meter.substeps,
+        meter.interactions, meter.wall, meter.own,
+    )  # fmt: skip
+
+
+def _compile(sim: Simulation) -> None:
+    home = sim.snapshot()
+    sim.advance(sim.controls.dt)
+    sim.restore(home)
+
+
+def _judged(problem: Problem, sim: Simulation) -> tuple[float, str, list[list[Any]]]:
+    reference = scenes.reference(problem.scene)
+    assert reference is not None
+    if problem.measure == RMS:
+        reference = _watched(reference)
+    try:
+        run = reference.run(sim)
+        measures = [[m.quantity, float(m.value), m.unit] for m in reference.judge(run)]
+    except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return math.nan, str(error) or repr(error), []
+    return _error(problem, reference, run, measures), "", measures
+
+
+def _watched(reference: Reference) -> Reference:
+    """One that also observes the error of every frame."""
+
+    def observe(sim: Simulation) -> dict[str, Any]:
+        return {**reference.observe(sim), "frame_error": reference.error(sim)}
+
+    return replace(reference, observe=observe)
+
+
+def _error(problem: Problem, reference: Reference, run: Run, measures: list[list[Any]]) -> float:
+    if problem.measure == RMS:
+        errors = run.series("frame_error")
+        return share(float(np.sqrt(np.nanmean(errors**2))), reference.unit)
+    [found] = [m for m in measures if m[0] == problem.measure]
+    return share(found[1], found[2])

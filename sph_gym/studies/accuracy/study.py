@@ -1,0 +1,153 @@
+"""The study: all points of all scenes, and what they say, as rows."""
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sph_gym.solver.checks import known
+from sph_gym.studies.accuracy import fronts, peer, promises, tables
+from sph_gym.studies.accuracy.plan import (
+    COMBINED,
+    FULL,
+    NUMBERS,
+    QUICK,
+    Plan,
+    knobs,
+    ladder,
+    lines,
+    rungs,
+    sizes,
+    sweeps,
+)
+from sph_gym.studies.accuracy.points import Point, point, sober
+from sph_gym.studies.accuracy.problems import Problem, problem
+from sph_gym.studies.accuracy.settings import Setting
+from sph_gym.studies.peers import Peers
+from sph_gym.studies.table import Row
+
+FOLDER = Path("runs/studies")
+TIME = "cost"
+
+
+class Shop(NamedTuple):
+    """Where points come from: the folder, how often they are run, whether times are taken anew."""
+
+    folder: Path
+    repeats: int
+    again: bool
+
+    def buy(self, scene: Problem, knob: str, setting: Setting) -> Point:
+        """A point."""
+        return point(scene, knob, setting, self.folder, self.repeats, self.again)
+
+
+def measure(
+    quick: bool,
+    folder: Path = FOLDER,
+    chosen: Sequence[str] | None = None,
+    again: bool = False,
+    peers: Peers | None = None,
+) -> Iterator[Row]:
+    """Rows of every scene, with a progress bar; tables and pictures are written scene by scene.
+
+    chosen: only these scenes; again: take all times anew (errors stay); peers: the folder of the
+    script for PySPH and the Python that runs it. Finished runs are kept in `folder`/accuracy.
+    Raises ImportError that names the extra to install, ValueError for unknown scenes.
+    """
+    plan = QUICK if quick else FULL
+    for name in chosen or ():
+        known("scenes", name, plan.scenes)
+    if peers is not None:
+        peer.check(peers)
+    shop = Shop(folder / "accuracy", plan.repeats, again)
+    output = folder / ("accuracy_quick" if quick else "accuracy")
+    every: list[Point] = []
+    for name in chosen or plan.scenes:
+        scene = problem(name)
+        points = collect(scene, plan, shop)
+        every += points
+        yield from rows(scene, points)
+        if plan.promises:
+            yield from promises.rows(scene, points, shop.folder)
+        tables.write_scene(scene, points, output)
+        tables.write_all(every, output)
+    if peers is not None:
+        yield from peer.rows(peers, every, shop.folder)
+
+
+def collect(scene: Problem, plan: Plan, shop: Shop) -> list[Point]:
+    """All points of a scene: the nominal one first, then its sweeps, then combined settings."""
+    turned = list(sweeps(plan, scene))
+    # the chain is about as long as its knobs are many
+    with bar(scene.scene, len(turned) + 4 * len(sizes(plan, scene))) as progress:
+
+        def get(knob: str, setting: Setting) -> Point:
+            found = shop.buy(scene, knob, setting)
+            progress.update()
+            return found
+
+        points = [get(knob, setting) for knob, setting in turned]
+        have = {found.setting: found for found in points}
+        for line in lines(plan, scene, have):
+            for setting in ladder(plan, scene, line):
+                if setting not in have:
+                    have[setting] = get(COMBINED, setting)
+                    points.append(have[setting])
+    return points
+
+
+def bar(title: str, total: int) -> Any:
+    """A progress bar. Raises ImportError that names the extra to install."""
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        raise ImportError('studies need more: pip install "sph_gym[studies]"') from None
+    return tqdm(total=total, desc=title, unit="run", file=sys.stderr, leave=False)
+
+
+# --- What the points say --------------------------------------------------------------------
+
+
+def rows(scene: Problem, points: Sequence[Point]) -> Iterator[Row]:
+    """How the error converges, what each knob buys, and the cheapest settings."""
+    yield Row("runs", scene.scene, len(points), "")
+    yield Row("runs that blew up", scene.scene, sum(bool(p.cause) for p in points), "")
+    yield Row("runs that differed when repeated", scene.scene, _differing(points), "", 0.0)
+    spreads = [found.spread for found in points if found.runs > 1]
+    if spreads:
+        yield Row("range of repeated times / median", scene.scene, float(np.median(spreads)), "")
+    yield _order(scene, points)
+    for knob in knobs(points):
+        yield from _gains(scene, knob, points)
+    for target in fronts.TARGETS:
+        found = fronts.cheapest(sober(points), target, TIME)
+        seconds = math.inf if found is None else found.wall
+        if found is not None:
+            yield Row(f"cheapest with {100 * target:g} %", scene.scene, seconds, "s")
+
+
+def _differing(points: Sequence[Point]) -> float:
+    return float(sum(found.differing for found in points))
+
+
+def _order(scene: Problem, points: Sequence[Point]) -> Row:
+    good = sorted((found for found in rungs(points) if found.good), key=lambda found: found.dx)
+    value = fronts.order([found.dx for found in good], [found.error for found in good])
+    return Row("order of convergence", scene.scene, value, "", scene.order, scene.order is not None)
+
+
+def _gains(scene: Problem, knob: str, points: Sequence[Point]) -> Iterator[Row]:
+    turned = [found for found in points if found.knob == knob]
+    if knob in NUMBERS:
+        value = fronts.elasticity([points[0], *turned], TIME)
+        if math.isfinite(value):
+            yield Row(f"elasticity: {knob}", scene.scene, value, "")
+    if knob != "resolution":
+        gains = [fronts.worth(rungs(points), found, TIME) for found in turned]
+        best = max((gain for gain in gains if math.isfinite(gain)), default=math.nan)
+        if math.isfinite(best):
+            yield Row(f"best gain at equal error: {knob}", scene.scene, best, "times")

@@ -1,0 +1,68 @@
+"""A recommendation in words and as a program."""
+
+from sph_gym.studies.accuracy.policies import RULES
+from sph_gym.studies.accuracy.recommend import Advice
+from sph_gym.studies.accuracy.settings import FIXED, Setting, build
+
+
+def describe(advice: Advice) -> list[tuple[str, str]]:
+    """Names and values of a recommendation, as they are to be set."""
+    scene, (setting, error, _) = advice.problem, advice.choice
+    built = build(scene, setting)
+    assert built.controls is not None
+    fixed = setting.controller == FIXED
+    said = {True: "", False: f" at the start, then by {setting.controller}"}[fixed]
+    return [
+        ("dx", f"{built.dx:.6g} m ({scene.length} / {setting.across})"),
+        ("h / dx", f"{setting.width:g}"),
+        ("dt", f"{built.controls.dt:.4g} s{said} ({setting.step:g} of the stable step)"),
+        ("stiffness", f"{built.controls.stiffness:.4g} Pa{said} (c = {setting.sound:g} c0)"),
+        ("epsilon", f"{setting.xsph:g}" if setting.xsph > 0 else "no XSPH"),
+        ("kernel", setting.kernel),
+        ("density", setting.density),
+        ("precision", setting.dtype),
+        ("integrator", setting.integrator),
+        ("frame", f"{built.frame:.4g} s, of which dt is a whole fraction"),
+        ("expected error", f"{100 * error:.3g} % {scene.of}"),
+        ("expected time", f"{advice.seconds:.3g} s for {built.duration:.4g} s of flow, 1 thread"),
+    ]
+
+
+def program(advice: Advice) -> str:
+    """Lines of Python that run a recommendation."""
+    scene, setting = advice.problem, advice.choice.setting
+    built = build(scene, setting)
+    assert built.controls is not None
+    given = {"dx": built.dx, **scene.given()}
+    arguments = "".join(f", {name}={value!r}" for name, value in given.items())
+    dt, stiffness, xsph = built.controls
+    effects = (
+        f"xsph={built.effects.xsph}, continuity={built.effects.continuity}, "
+        f"density_diffusion={built.effects.density_diffusion}"
+    )
+    return f"""from dataclasses import replace
+from sph_gym import Controls, Simulation, scenes
+
+scene = scenes.make("{scene.scene}"{arguments})
+scene = replace(
+    scene,
+    h={built.h!r},
+    frame={built.frame!r},
+    integrator="{setting.integrator}",
+    fluid=replace(scene.fluid, kernel="{setting.kernel}"),
+    effects=replace(scene.effects, {effects}),
+    controls=Controls(dt={dt!r}, stiffness={stiffness!r}, xsph={xsph!r}),
+)
+sim = Simulation(scene, dtype="{setting.dtype}", threads=1)
+{_loop(setting)}"""
+
+
+def _loop(setting: Setting) -> str:
+    """The lines that let it run."""
+    lines = ["while sim.time < scene.duration:"]
+    if setting.controller != FIXED:
+        rule = RULES[setting.controller].__name__
+        lines = [f"from sph_gym.controllers import {rule}", f"rule = {rule}()", *lines]
+        lines.append("    sim.controls = rule(sim)")
+    lines.append("    sim.advance(min(scene.frame, scene.duration - sim.time))")
+    return "\n".join(lines)

@@ -1,0 +1,357 @@
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sph_gym import Simulation, scenes
+from sph_gym.__main__ import main
+from sph_gym.studies import accuracy
+from sph_gym.studies.accuracy import plan, points, policies, problems, promises, study
+from sph_gym.studies.accuracy.running import execute
+from sph_gym.studies.accuracy.settings import build, nominal
+
+DROP = replace(problems.problem("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
+SMALL = plan.Plan(
+    scenes=("elliptical_drop",), widths=(0.9,), steps=(1.5,), sounds=(0.5,), epsilons=(),
+    kernels=(), densities=(), dtypes=(), integrators=(), controllers=("cfl", "tuned_cfl"),
+    repeats=1,
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def steady_clock(monkeypatch):
+    """A benchmark that takes no time."""
+    monkeypatch.setattr(points, "rate", lambda: 1e6)
+    monkeypatch.setattr(points, "PATIENCE", 0.0)
+    monkeypatch.setattr("sph_gym.studies.accuracy.tables.rate", lambda seconds: 1e6)
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """The study of one small drop."""
+    monkeypatch.setattr(study, "FULL", SMALL)
+    monkeypatch.setattr(study, "problem", lambda name: DROP)
+
+
+def drop(**changes):
+    return nominal(DROP)._replace(**changes)
+
+
+# --- problems and settings ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", accuracy.names())
+def test_every_problem_is_one_of_its_scene(name):
+    problem = problems.problem(name)
+    assert scenes.reference(name) is not None
+    assert {problem.length, *problem.arguments, *problem.other} <= set(scenes.parameters(name))
+    assert list(problem.sizes) == sorted(problem.sizes)
+    assert problem.nominal in problem.sizes
+    assert problem.build(problem.sizes[0]).dx == pytest.approx(
+        problem.metres() / problem.sizes[0], rel=0.1
+    )
+
+
+def test_every_scene_with_a_reference_is_measured_but_those_at_rest():
+    with_reference = {name for name in scenes.names() if scenes.reference(name) is not None}
+    assert with_reference - set(accuracy.names()) == {"perturbed_lattice", "relaxation"}
+
+
+def test_an_unknown_scene_is_told_the_known_ones():
+    with pytest.raises(ValueError, match="expected one of elliptical_drop"):
+        problems.problem("lake")
+
+
+def test_a_setting_is_what_the_scene_then_has():
+    setting = drop(
+        width=3.0, step=0.5, sound=0.5, kernel="cubic_spline", density="continuity",
+        integrator="symplectic_euler", xsph=0.2,
+    )  # fmt: skip
+    scene, plain = build(DROP, setting), DROP.build(8)
+    assert scene.h == pytest.approx(3 * plain.dx)
+    assert scene.fluid.kernel == "cubic_spline"
+    assert scene.effects.continuity
+    assert scene.effects.xsph
+    assert scene.integrator == "symplectic_euler"
+    assert scene.controls.stiffness == pytest.approx(plain.fluid.stiffness(plain.fluid.c0) / 4)
+    assert scene.controls.xsph == 0.2
+    still = Simulation(replace(scene, controls=scene.controls._replace(dt=1.0)), threads=1)
+    assert scene.controls.dt == pytest.approx(0.5 * still.stable_dt())
+
+
+def test_the_nominal_setting_is_the_scene_itself():
+    scene, plain = build(DROP, nominal(DROP)), DROP.build(8)
+    assert scene.controls == Simulation(plain, threads=1).controls._replace(xsph=0.0)
+    assert (scene.h, scene.effects, scene.integrator) == (plain.h, plain.effects, plain.integrator)
+
+
+def test_summation_takes_the_diffusion_with_it():
+    problem = problems.problem("colliding_patches")
+    assert nominal(problem).density == "continuity"
+    scene = build(problem, nominal(problem, 14)._replace(density="summation"))
+    assert not scene.effects.continuity
+    assert scene.effects.density_diffusion is None
+
+
+# --- points ---------------------------------------------------------------------------------
+
+
+def test_a_point_is_the_same_to_the_last_bit_when_it_is_run_again(tmp_path):
+    first, second = (
+        points.point(DROP, "nominal", drop(), tmp_path / place, repeats=1) for place in "ab"
+    )
+    assert first.error == second.error
+    assert (first.interactions, first.substeps) == (second.interactions, second.substeps)
+    assert first.key == second.key
+    assert 0 < first.error < 0.2
+
+
+def test_the_error_is_that_of_the_scene(tmp_path):
+    reference = scenes.reference("elliptical_drop")
+    sim = Simulation(build(DROP, drop()), threads=1)
+    run = reference.run(sim)
+    found = points.point(DROP, "nominal", drop(), tmp_path, repeats=1)
+    assert found.error == reference.judge(run)[0].value / 100
+    assert found.seconds == pytest.approx(sim.scene.duration)
+
+
+def test_an_error_over_all_frames_is_a_root_mean_square():
+    problem = replace(DROP, measure=problems.RMS)
+    errors = []
+    reference = scenes.reference("elliptical_drop")
+    sim = Simulation(build(problem, drop()), threads=1)
+    watched = replace(reference, observe=lambda sim: errors.append(reference.error(sim)) or {})
+    watched.run(sim)
+    assert execute(problem, drop()).error == pytest.approx(
+        np.sqrt(np.mean(np.square(errors))) / 100
+    )
+
+
+def test_the_record_says_all_that_the_error_depends_on(tmp_path):
+    found = points.point(DROP, "nominal", drop(), tmp_path, repeats=1)
+    record = json.loads((tmp_path / "points" / f"{found.key}.json").read_text())
+    assert record["hash"] == found.key
+    assert record["setting"] == drop()._asdict()
+    assert record["sources"] == points.sources()
+    assert {"processor", "numba", "numpy", "python"} <= set(record["versions"])
+    assert record["outcome"]["error"] == found.error
+    assert "wall" not in record["outcome"]
+
+
+def test_what_is_kept_is_not_run_again_and_times_only_if_asked_for(tmp_path, monkeypatch):
+    first = points.point(DROP, "nominal", drop(), tmp_path, repeats=2)
+    assert first.runs == 2
+    runs = []
+    monkeypatch.setattr(points, "execute", lambda *a: runs.append(a) or execute(*a))
+    assert points.point(DROP, "nominal", drop(), tmp_path, repeats=2) == first
+    assert not runs
+    again = points.point(DROP, "nominal", drop(), tmp_path, repeats=2, again=True)
+    assert len(runs) == 2
+    assert again.error == first.error
+    assert again.wall != first.wall
+
+
+def test_an_interrupted_point_loses_only_the_run_in_hand(tmp_path, monkeypatch):
+    calls = []
+
+    def interrupted(*arguments):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return execute(*arguments)
+
+    monkeypatch.setattr(points, "execute", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        points.point(DROP, "nominal", drop(), tmp_path, repeats=3)
+    assert points.point(DROP, "nominal", drop(), tmp_path, repeats=3).runs == 3
+    assert len(calls) == 4
+
+
+def test_a_run_that_gives_another_error_is_counted(tmp_path):
+    found = points.point(DROP, "nominal", drop(), tmp_path, repeats=1)
+    path = tmp_path / "points" / f"{found.key}.json"
+    record = json.loads(path.read_text())
+    record["outcome"]["error"] = float(np.nextafter(found.error, 1))
+    path.write_text(json.dumps(record))
+    assert points.point(DROP, "nominal", drop(), tmp_path, repeats=1, again=True).differing == 1
+
+
+def test_a_blow_up_is_a_point_without_an_error(tmp_path):
+    found = points.point(DROP, "step", drop(step=40.0, sound=5.0), tmp_path, repeats=3)
+    assert math.isnan(found.error)
+    assert not found.good
+    assert "blew up" in found.cause
+    assert found.runs == 1
+
+
+def test_interactions_are_neighbours_times_steps():
+    outcome = execute(DROP, drop())
+    at_start = Simulation(build(DROP, drop()), threads=1).neighbor_counts.sum()
+    assert outcome.interactions == pytest.approx(at_start * outcome.substeps, rel=0.3)
+    assert outcome.particles == len(DROP.build(8).x)
+
+
+def test_halving_the_step_doubles_the_steps():
+    one, half = (execute(DROP, drop(step=step)) for step in (1.0, 0.5))
+    assert half.substeps == pytest.approx(2 * one.substeps, rel=0.15)
+
+
+def test_luck_does_not_count():
+    runs = [drop(across=n) for n in (6, 8, 10)] + [drop(kernel="spiky")]
+    errors = [0.03, 0.001, 0.01, 0.002]
+    plain = points.Point("drop", "", drop(), 0.1, 0, "", 1, 9, 9, 9, 1, 1, 1, 1, 0, 0, "")
+    found = [plain._replace(setting=s, error=e) for s, e in zip(runs, errors, strict=True)]
+    assert [point.error for point in points.sober(found)] == [0.03, 0.01, 0.01, 0.002]
+
+
+# --- controllers ----------------------------------------------------------------------------
+
+
+def test_a_rule_sets_the_controls_of_every_frame():
+    fixed, tuned = (execute(DROP, drop(controller=name)) for name in ("fixed", "tuned_cfl"))
+    assert tuned.substeps < fixed.substeps
+    assert tuned.error != fixed.error
+
+
+def test_what_an_agent_did_is_played():
+    scene = build(DROP, drop())
+    dt, stiffness, xsph = scene.controls
+    played = [[dt / 3, stiffness, xsph]]
+    assert execute(DROP, drop(controller="ppo"), False, played).substeps == pytest.approx(
+        3 * execute(DROP, drop()).substeps, rel=0.2
+    )
+
+
+def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
+    def blow_up(name, scene):
+        raise RuntimeError("ppo: blew up")
+
+    monkeypatch.setattr(policies, "schedule", blow_up)
+    found = points.point(DROP, "controller", drop(controller="ppo"), tmp_path, repeats=1)
+    assert not found.good
+    assert found.cause == "its agent blew up"
+
+
+def test_agents_are_where_they_can_be():
+    assert policies.available("lookahead", "dam_break")
+    assert not policies.available("lookahead", "couette")
+    assert policies.available("tuned_cfl", "couette")
+    assert not policies.available("ppo", "couette")
+
+
+# --- the plan -------------------------------------------------------------------------------
+
+
+def test_every_sweep_turns_one_knob_and_every_setting_is_run_once():
+    turned = list(plan.sweeps(plan.FULL, DROP))
+    start = turned[0][1]
+    assert turned[0] == ("nominal", nominal(DROP))
+    assert len({setting for _, setting in turned}) == len(turned)
+    for knob, setting in turned[1:]:
+        name = "across" if knob == "resolution" else knob
+        differing = [f for f in setting._fields if getattr(setting, f) != getattr(start, f)]
+        assert differing == [name]
+    swept = {knob for knob, _ in turned}
+    assert swept == {
+        "nominal", "resolution", "width", "step", "sound", "kernel", "density", "dtype",
+        "integrator", "xsph", "controller",
+    }  # fmt: skip
+
+
+def test_walls_limit_what_is_swept():
+    problem = problems.problem("dam_break")
+    turned = list(plan.sweeps(plan.FULL, problem))
+    assert all(setting.width <= problem.widest for _, setting in turned)
+    assert "density" not in {knob for knob, _ in turned}
+
+
+class Faked:
+    """A run whose error and work follow from its setting."""
+
+    def __init__(self, setting, good=True):
+        self.error = 0.1 / setting.across * (1.01 if setting.step > 1 else 1.0)
+        self.interactions = setting.across**3 / setting.step * setting.sound
+        self.good = good
+
+
+def test_settings_are_combined_while_they_pay():
+    small = SMALL._replace(controllers=())
+    found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
+    chain = []
+    for line in plan.lines(small, DROP, found):
+        chain.append(line)
+        found |= {s: Faked(s) for s in plan.ladder(small, DROP, line)}
+    assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0), (1.5, 0.5)]
+    assert all(line.across == 0 for line in chain)
+
+
+def test_a_line_that_blew_up_is_not_built_upon():
+    small = SMALL._replace(controllers=())
+    found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
+    chain = []
+    for line in plan.lines(small, DROP, found):
+        chain.append(line)
+        found |= {s: Faked(s, line.step == 1.0) for s in plan.ladder(small, DROP, line)}
+    assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0), (1.0, 0.5)]
+
+
+# --- the study ------------------------------------------------------------------------------
+
+
+def test_the_study_writes_rows_tables_and_pictures_and_goes_on_where_it_was(
+    small, tmp_path, monkeypatch
+):
+    rows = list(study.measure(False, tmp_path))
+    named = {row.quantity for row in rows}
+    assert {"order of convergence", "elasticity: resolution", "measured / promised error"} <= named
+    [differing] = [row for row in rows if row.quantity == "runs that differed when repeated"]
+    assert (differing.value, differing.bound) == (0.0, 0.0)
+    folder = tmp_path / "accuracy"
+    table = pd.read_csv(folder / "points.csv")
+    again = pd.read_parquet(folder / "points.parquet")
+    assert len(table) == len(again) == next(row.value for row in rows if row.quantity == "runs")
+    assert {"error", "wall", "interactions", "particles", "key"} <= set(table)
+    assert table["key"].is_unique
+    gains = pd.read_csv(folder / "elliptical_drop_gains.csv")
+    assert set(gains["knob"]) == {"resolution", "width", "step", "sound", "controller"}
+    for name in ("elliptical_drop", "summary"):
+        assert (folder / f"{name}.png").stat().st_size > 20_000
+    monkeypatch.setattr(points, "execute", lambda *a: pytest.fail("run again"))
+    assert list(study.measure(False, tmp_path)) == rows
+
+
+def test_a_promise_that_is_broken_is_a_row_that_fails(tmp_path):
+    found = [
+        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
+    ]
+    kept = list(promises.rows(DROP, found, tmp_path))
+    assert kept
+    assert all(row.holds for row in kept)
+    lied = [point._replace(error=point.error / 4) for point in found]
+    broken = [row for row in promises.rows(DROP, lied, tmp_path) if row.bound is not None]
+    assert all(not row.holds for row in broken)
+
+
+def test_promises_are_tried_between_the_resolutions(tmp_path, monkeypatch):
+    found = [
+        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
+    ]
+    tried = []
+    real = promises.point
+    monkeypatch.setattr(
+        promises, "point", lambda *a, **k: tried.append((a[2].across, k["other"])) or real(*a, **k)
+    )
+    list(promises.rows(DROP, found, tmp_path))
+    assert {other for _, other in tried} == {False, True}
+    assert {across for across, _ in tried} <= {7, 9}
+
+
+def test_scenes_and_options_are_checked(tmp_path, capsys):
+    command = ["study", "accuracy", "--output", str(tmp_path)]
+    assert main([*command, "--scenes", "lake"]) == 2
+    assert "expected one of elliptical_drop" in capsys.readouterr().err
+    assert main([*command, "--peers", str(tmp_path)]) == 2
+    assert "pysph_accuracy.py" in capsys.readouterr().err

@@ -1,0 +1,77 @@
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from sph_gym.studies.accuracy import figures, fronts
+
+
+class Run(NamedTuple):
+    wall: float
+    error: float
+    good: bool = True
+
+
+def line(order, sizes=(10, 20, 40, 80)):
+    """Runs whose error goes as dx^order and whose time as dx^-3; the nominal one first."""
+    runs = [Run(1e-3 * n**3, n**-order) for n in sizes]
+    return [runs[1], runs[0], *runs[2:]]
+
+
+def test_the_front_is_what_nobody_beats():
+    runs = [Run(1, 8), Run(2, 4), Run(2, 5), Run(3, 4.5), Run(4, 1), Run(0.5, 9, False)]
+    assert fronts.front(runs, "wall") == [Run(1, 8), Run(2, 4), Run(4, 1)]
+
+
+def test_the_cheapest_is_within_the_error():
+    runs = [Run(1, 8), Run(2, 4), Run(1.5, 3.9), Run(1.2, 0.1, False)]
+    assert fronts.cheapest(runs, 4, "wall") == Run(1.5, 3.9)
+    assert fronts.cheapest(runs, 1, "wall") is None
+
+
+@pytest.mark.parametrize("order", [0.5, 1, 2])
+def test_a_power_law_has_its_order_and_elasticity(order):
+    runs = line(order)
+    dx = [1 / n for n in (20, 10, 40, 80)]
+    assert fronts.order(dx, [run.error for run in runs]) == pytest.approx(order)
+    assert fronts.elasticity(runs, "wall") == pytest.approx(-order / 3)
+
+
+def test_no_elasticity_without_a_change_of_time():
+    assert math.isnan(fronts.elasticity([Run(1, 2), Run(1.1, 5)], "wall"))
+    assert math.isnan(fronts.elasticity([Run(1, 2), Run(9, 5, False)], "wall"))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_resolution_alone_buys_nothing(order):
+    runs = line(order)
+    assert [fronts.worth(runs, run, "wall") for run in runs] == pytest.approx([1.0] * 4)
+
+
+def test_worth_is_time_at_equal_error():
+    runs = line(1.0)
+    start = runs[0]
+    assert fronts.worth(runs, start._replace(wall=start.wall / 3), "wall") == pytest.approx(3)
+    assert fronts.worth(runs, start._replace(error=start.error / 2), "wall") == pytest.approx(8)
+    assert math.isnan(fronts.worth(runs, Run(1, math.nan, False), "wall"))
+
+
+def test_errors_that_do_not_fall_are_traded_with_care():
+    flat = [Run(8, 1.0), Run(1, 0.9), Run(64, 1.1)]
+    assert fronts.trade(flat, "wall") == fronts.STEEPEST
+    assert fronts.trade(line(0.01), "wall") == fronts.STEEPEST
+    assert fronts.trade(line(9), "wall") == fronts.FLATTEST
+
+
+def test_the_gain_is_against_the_first_run():
+    assert fronts.gain([Run(8, 1.0), Run(2, 1.0), Run(1, 1.1)]) == 4
+    assert math.isnan(fronts.gain([Run(8, 1.0, False), Run(2, 1.0)]))
+
+
+@pytest.mark.parametrize("ends", [(0.011, 0.9), (1.2, 2.9), (3e5, 2e9), (0.97, 1.6), (0.1, 9)])
+def test_ticks_are_few_round_numbers_within(ends):
+    found = figures.ticks(*ends)
+    assert 3 <= len(found) <= 10
+    assert all(ends[0] <= tick <= ends[1] for tick in found)
+    assert np.all(np.diff(found) > 0)

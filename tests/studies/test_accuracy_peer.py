@@ -1,0 +1,133 @@
+import json
+import math
+
+import numpy as np
+import pytest
+
+from sph_gym import Simulation, scenes
+from sph_gym.scenes.free_bodies import ellipse
+from sph_gym.scenes.reference import read
+from sph_gym.studies.accuracy import peer
+from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.problems import problem
+from sph_gym.studies.accuracy.settings import nominal
+from sph_gym.studies.peers import PeerError, Peers
+
+# A solver whose error is of first order, and whose time is that of the size, cubed.
+SCRIPT = """
+import json, sys
+scene, across = sys.argv[1], int(sys.argv[3])
+END = {end!r}
+seen = dict(seconds=1e-3 * across**3, own=2e-3 * across**3, dx=1.0, radius=1.0,
+            particles=3.141592653589793, time=0.0076, tip=END * (1 + 0.4 / across), width=1.0,
+            history={history!r})
+print("talk")
+print("RES " + json.dumps(seen))
+"""
+
+
+def measured_history():
+    """Times [s] and fronts of the experiment itself, for a column one metre wide."""
+    table = read("martin_moyce_1952_front_n2_2.csv")
+    return np.stack([table[:, 0] / math.sqrt(2 * peer.GRAVITY), table[:, 1]], axis=-1).tolist()
+
+
+@pytest.fixture
+def peers(tmp_path):
+    end = float(ellipse(np.array([0.0076]), -peer.RATE)[0, 1])
+    script = SCRIPT.format(end=end, history=measured_history())
+    (tmp_path / peer.SCRIPT).write_text(script)
+    return Peers(tmp_path)
+
+
+def ours(scene, error, wall, across=40):
+    setting = nominal(problem(scene), across)
+    return Point(
+        scene,
+        "nominal",
+        setting,
+        0.1,
+        error,
+        "",
+        1.0,
+        100,
+        10,
+        1e3,
+        wall,
+        wall,
+        1e6,
+        3,
+        0.0,
+        0,
+        "key",
+    )
+
+
+def test_the_peer_is_compared_at_equal_error(peers, tmp_path):
+    points = [ours("elliptical_drop", 0.02, 0.1, 20), ours("elliptical_drop", 0.009, 2.0)]
+    rows = {(row.quantity, row.case): row for row in peer.rows(peers, points, tmp_path / "kept")}
+    assert rows["error of PySPH", "elliptical_drop, 20 across"].value == pytest.approx(2.0)
+    assert rows["seconds of PySPH", "elliptical_drop, 20 across"].value == pytest.approx(8.0)
+    # 1 % at 40 across: 64 s
+    ratio = rows["times as fast as PySPH at equal error", "elliptical_drop, 1 %"]
+    assert ratio.value == pytest.approx(32.0)
+    assert ratio.bound == peer.FASTER
+    assert ratio.holds
+
+
+def test_a_script_is_run_once(peers, tmp_path):
+    first = peer.run(peers, "elliptical_drop", 20, tmp_path / "kept")
+    [kept] = (tmp_path / "kept" / "peer").glob("*.json")
+    kept.write_text(json.dumps(json.loads(kept.read_text()) | {"seconds": 5.0}))
+    assert peer.run(peers, "elliptical_drop", 20, tmp_path / "kept") == first._replace(wall=5.0)
+
+
+def test_the_experiment_has_no_error(peers, tmp_path):
+    found = peer.run(peers, "dam_break", 20, tmp_path / "kept")
+    assert found.error == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_tip_of_an_exact_ellipse_has_no_error():
+    end = float(ellipse(np.array([0.005]), -peer.RATE)[0, 1])
+    # 314 particles of 0.1 m: a circle of 0.99975 m, the outermost 0.05 m inside
+    edge = 0.1 * math.sqrt(314 / math.pi)
+    seen = {"particles": 314, "dx": 0.1, "time": 0.005, "radius": edge - 0.05}
+    assert peer.tip_error(seen | {"tip": edge * end - 0.05}) == pytest.approx(0.0, abs=1e-12)
+    assert peer.tip_error(seen | {"tip": 1.01 * edge * end - 0.05}) == pytest.approx(0.01)
+
+
+def test_both_measure_the_tip_alike():
+    scene = problem("elliptical_drop").build(20)
+    sim = Simulation(scene, threads=1)
+    sim.advance(scene.duration / 10)
+    seen = {
+        "particles": sim.n_fluid, "dx": scene.dx, "time": sim.time,
+        "radius": float(np.hypot(*scene.x.T).max()), "tip": float(np.abs(sim.x[:, 1]).max()),
+    }  # fmt: skip
+    expected = scenes.reference("elliptical_drop").error(sim) / 100
+    assert peer.tip_error(seen) == pytest.approx(expected, abs=1e-4)
+
+
+def test_time_at_an_error_is_between_their_runs_or_that_of_the_finest():
+    theirs = [peer.Found(n, 0.4 / n, n**3.0, n**3.0) for n in (20, 40)]
+    assert peer.at_least(theirs, 0.4 / 30, "wall") == pytest.approx(30**3)
+    assert peer.at_least(theirs, 0.001, "wall") == pytest.approx(40**3)
+    assert math.isnan(peer.at_least(theirs, 0.03, "wall"))
+
+
+def test_a_script_that_fails_is_a_row_that_fails(tmp_path, capsys):
+    (tmp_path / peer.SCRIPT).write_text("raise SystemExit('no such library')")
+    [row] = peer.rows(Peers(tmp_path), [ours("elliptical_drop", 0.01, 1.0)], tmp_path / "kept")
+    assert not row.holds
+    assert "no such library" in capsys.readouterr().err
+
+
+def test_a_folder_without_the_script_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"no .*pysph_accuracy\.py"):
+        peer.check(Peers(tmp_path))
+
+
+@pytest.mark.parametrize("line", ["RES {", 'RES {"own": 1}', "RES []", ""])
+def test_no_result_is_an_error(line):
+    with pytest.raises(PeerError):
+        peer.parse(line)

@@ -1,0 +1,176 @@
+import math
+
+import numpy as np
+import pytest
+
+from sph_gym import scenes
+from sph_gym.__main__ import main
+from sph_gym.studies.accuracy import names, recommend, telling
+from sph_gym.studies.accuracy.problems import problem
+from sph_gym.studies.accuracy.recommend import Sample
+from sph_gym.studies.accuracy.running import execute
+from sph_gym.studies.accuracy.settings import nominal
+
+DROP = problem("elliptical_drop")
+SPEED = 1e6
+
+
+def samples(factor=1.0, order=1.0, sizes=(10, 20, 40), **changes):
+    """A line whose error goes as dx^order and whose effort as dx^-3."""
+    return [
+        Sample(
+            DROP.scene, nominal(DROP, n)._replace(**changes), 0.2 * n**-order, factor * 100.0 * n**3
+        )
+        for n in sizes
+    ]
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Two lines: one that takes a third of the other's time."""
+    path = tmp_path / "lines.csv"
+    recommend.write([*samples(), *samples(1 / 3, dtype="float32")], path, "made up")
+    return path
+
+
+def advise(table, **wanted):
+    return recommend.advise(DROP.scene, table=table, speed=SPEED, **wanted)
+
+
+def test_the_cheapest_line_at_the_coarsest_resolution_that_does(table):
+    advice = advise(table, error=0.2 / 27.5)
+    assert advice.choice.setting == nominal(DROP, 28)._replace(dtype="float32")
+    assert advice.choice.error == pytest.approx(0.2 / 28)
+    assert advice.seconds == pytest.approx(100 * 28**3 / 3 / SPEED)
+
+
+def test_the_budget_is_the_other_way_round(table):
+    advice = advise(table, error=0.2 / 27.5)
+    back = advise(table, budget=1.001 * advice.seconds)
+    assert back.choice.setting == advice.choice.setting
+    assert advise(table, budget=1e9).choice.setting.across == 40
+
+
+def test_more_error_than_was_measured_takes_the_coarsest(table):
+    assert advise(table, error=0.9).choice.setting.across == 10
+
+
+@pytest.mark.parametrize(
+    ("wanted", "said"),
+    [
+        ({"error": 1e-4}, "error: expected at least 0.005.* 0.005 to 0.02 was measured"),
+        ({"budget": 1e-9}, "budget: expected at least .* s was measured"),
+        ({"error": 0.0}, "error: expected a number above 0"),
+        ({"error": math.nan}, "error: expected a finite number"),
+        ({"budget": -1.0}, "budget: expected a number above 0"),
+        ({}, "expected one of the two"),
+        ({"error": 0.01, "budget": 1.0}, "expected one of the two"),
+        ({"error": 0.01, "arguments": {"dx": 0.1}}, "expected one of radius, rate"),
+        ({"error": 0.01, "arguments": {"depth": 0.1}}, "expected one of radius, rate"),
+    ],
+)
+def test_wrong_wishes_are_told_what_was_expected(table, wanted, said):
+    with pytest.raises(ValueError, match=said):
+        advise(table, **wanted)
+
+
+@pytest.mark.parametrize("text", ["10s", "10", " 10 S", "10000ms"])
+def test_budgets_are_read(text):
+    assert recommend.parse_budget(text) == pytest.approx(10.0)
+    assert recommend.parse_budget("2min") == 120.0
+    assert recommend.parse_budget("1h") == 3600.0
+
+
+@pytest.mark.parametrize("text", ["", "s", "ten", "-1s", "0s", "nan", "inf", "10 parsecs"])
+def test_budgets_that_are_none_are_refused(text):
+    with pytest.raises(ValueError, match=r"budget: expected a time above 0 such as 10s.*got"):
+        recommend.parse_budget(text)
+
+
+def test_a_lucky_run_promises_nothing():
+    errors = np.array([0.08, 0.001, 0.02])
+    assert recommend.envelope(errors).tolist() == [0.08, 0.02, 0.02]
+    assert recommend.doubt(np.array([10.0, 20.0, 40.0]), errors) == 1.0
+
+
+def test_an_unlucky_run_raises_the_promise():
+    across = np.array([10.0, 20.0, 40.0])
+    assert recommend.doubt(across, np.array([0.04, 0.02, 0.01])) == pytest.approx(1.0)
+    assert recommend.doubt(across, np.array([0.04, 0.06, 0.01])) == pytest.approx(3.0)
+
+
+def test_lines_of_which_little_is_known_are_not_offered():
+    blown = samples(0.1, kernel="spiky")
+    blown[1] = blown[1]._replace(error=math.nan)
+    short = samples(0.1, sizes=(10, 20), kernel="cubic_spline")
+    agent = samples(0.1, controller="lookahead")
+    assert [line.setting for line in recommend.fit([*samples(), *blown, *short, *agent])] == [
+        nominal(DROP).line
+    ]
+
+
+def test_promises_fall_with_resolution(table):
+    for line in recommend.fit(recommend.read(DROP.scene, table)):
+        errors = [choice.error for choice in line.choices()]
+        efforts = [choice.effort for choice in line.choices()]
+        assert errors == sorted(errors, reverse=True)
+        assert efforts == sorted(efforts)
+
+
+def test_what_is_told_can_be_set(table):
+    told = dict(telling.describe(advise(table, error=0.01, arguments={"radius": 0.5})))
+    assert told["dx"].startswith("0.025 m (radius / 20)")
+    assert told["h / dx"] == "3.4"
+    assert told["precision"] == "float32"
+    assert told["expected error"].startswith("1 %")
+    assert told["epsilon"] == "no XSPH"
+
+
+@pytest.mark.parametrize("changes", [{}, {"controller": "tuned_cfl"}, {"density": "continuity"}])
+def test_the_program_runs_what_was_recommended(tmp_path, changes):
+    path = tmp_path / "lines.csv"
+    recommend.write(
+        samples(sizes=(6, 8, 10), dtype="float32", step=1.5, **changes), path, "made up"
+    )
+    advice = recommend.advise(DROP.scene, error=0.2 / 8, table=path, speed=SPEED)
+    variables = {}
+    exec(telling.program(advice), variables)
+    found = scenes.reference(DROP.scene).error(variables["sim"]) / 100
+    assert found == execute(DROP, advice.choice.setting).error
+
+
+def test_no_table_is_told_of(tmp_path, table):
+    path = tmp_path / "other.csv"
+    path.write_text("a,b\n1,2\n")
+    with pytest.raises(ValueError, match="no table of samples"):
+        advise(path, error=0.01)
+    with pytest.raises(ValueError, match="scene: expected one of"):
+        recommend.advise("lake", error=0.01)
+    with pytest.raises(ValueError, match="expected a line of 3 resolutions of couette"):
+        recommend.advise("couette", error=0.01, table=table)
+
+
+@pytest.mark.parametrize("scene", recommend.shipped())
+def test_what_is_shipped_gives_advice(scene):
+    assert scene in names()
+    lines = recommend.fit(recommend.read(scene))
+    best = min(float(line.promised[-1]) for line in lines)
+    advice = recommend.advise(scene, error=1.01 * best, speed=SPEED)
+    assert advice.choice.error <= 1.01 * best
+    assert advice.seconds > 0
+    assert dict(telling.describe(advice))["kernel"] == advice.choice.setting.kernel
+
+
+def test_the_command_prints_it(table, capsys, monkeypatch):
+    monkeypatch.setattr(recommend, "rate", lambda seconds: SPEED)
+    command = ["recommend", "elliptical_drop", "--table", str(table)]
+    assert main([*command, "--error", "0.01"]) == 0
+    printed = capsys.readouterr().out
+    for name in ("dx:", "h / dx:", "dt:", "stiffness:", "epsilon:", "kernel:", "precision:"):
+        assert name in printed
+    assert "expected error: 1 %" in printed
+    assert main([*command, "--budget", "1s"]) == 0
+    assert "expected time:" in capsys.readouterr().out
+    for wrong in (["--error", "1e-9"], ["--budget", "soon"], ["--error", "0.01", "--set", "dx=1"]):
+        assert main([*command, *wrong]) == 2
+        assert "expected" in capsys.readouterr().err

@@ -29,9 +29,10 @@ def test_episodes_come_back_and_can_be_played_again():
     env = read.recover_environment()
     described = list(read.storage.get_episode_metadata([0, 1]))
     for episode, about, instance in zip(read, described, INSTANCES, strict=True):
-        assert about["instance_id"] == about["options"]["instance"] == instance
+        assert about["options"]["instance"] == instance
+        assert about["instance_id"] == f"{instance}/dx=0.08"
         assert about["rewards_sum"] == pytest.approx(episode.rewards.sum())
-        assert {name.decode() for name in episode.infos["instance_id"]} == {instance}
+        assert {name.decode() for name in episode.infos["instance_id"]} == {about["instance_id"]}
         assert episode.terminations[-1] or episode.truncations[-1]
         observation, info = env.reset(seed=about["seed"], options=about["options"])
         seen, reward = [observation], 0.0

@@ -63,7 +63,7 @@ def test_single_environments_are_reached():
     assert ours.env_is_wrapped(Monitor) == [True] * 3
     ours.set_options({"instance": "drop_impact/val/2"})
     ours.reset()
-    assert ours.get_attr("instance_id") == ["drop_impact/val/2"] * 3
+    assert ours.get_attr("instance_id") == ["drop_impact/val/2/dx=0.08"] * 3
 
 
 def test_ppo_learns_on_it():

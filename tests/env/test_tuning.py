@@ -114,7 +114,7 @@ def test_the_environments_generator_draws_the_instance(env):
 
 def test_options_choose_the_instance(env):
     _, info = env.reset(options={"instance": "dam_break/val/3"})
-    assert info["instance_id"] == "dam_break/val/3"
+    assert info["instance_id"] == f"dam_break/val/3/dx={COARSE['dx']}"
     with pytest.raises(ValueError, match="instance"):
         env.reset(options={"instance": "dam_break/val/300"})
 
@@ -373,4 +373,4 @@ def test_mixed_draws_from_all_scenes():
         drawn.add(made.settings.draw(made.np_random, None)[0].split("/")[0])
     assert drawn == set(SCENES)
     _, info = made.reset(options={"instance": "relaxation/val/1"})
-    assert info["instance_id"] == "relaxation/val/1"
+    assert info["instance_id"] == "relaxation/val/1/dx=0.06"

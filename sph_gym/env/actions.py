@@ -108,7 +108,8 @@ def _box_action(action: Any) -> Coordinates:
         numbers = np.array(None)
     # texts and booleans that numpy would take for numbers are none
     usable = numbers.shape == (3,) and numbers.dtype.kind in "fiu"
-    if not usable or not all(-1 <= number <= 1 for number in numbers.tolist()):
+    a, b, c = numbers.tolist() if usable else (math.nan,) * 3
+    if not (-1 <= a <= 1 and -1 <= b <= 1 and -1 <= c <= 1):
         raise ValueError(
             f"action: expected 3 finite numbers in [-1, 1] ({', '.join(NAMES)}), got {action!r}"
         )

@@ -65,7 +65,7 @@ def _run(engines: Sequence[Engine], legs: Sequence[tuple[float, float, int]], mo
                         in zip(engines, legs, strict=True)])  # fmt: skip
     dts = np.array([dt for _, dt, _ in legs], engines[0].dtype)
     worlds, models, *shapes = zip(*(engine.records() for engine in engines), strict=True)
-    work = np.cumsum([len(engine.fluid.id) for engine in engines] * columns[:, 3])
+    work = np.cumsum([engine.n for engine in engines] * columns[:, 3])
     with teams.borrow(min(most, len(engines))) as n_threads:
         shares = np.arange(1, n_threads) * work[-1] / n_threads
         bounds = np.array([0, *np.searchsorted(work, shares), len(engines)])

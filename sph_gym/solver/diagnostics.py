@@ -80,8 +80,11 @@ def sum_up(fluid, walls, extrapolation, eos, sums):
 
 def totals(sums, mass) -> Totals:
     """What `sum_up` found, with units."""
-    scales = (mass, mass, 1.0, 1.0, mass, mass, mass, 1.0, 1.0)
-    return Totals(*(sums * scales).tolist())
+    kinetic, internal, com_x, com_y, momentum_x, momentum_y, spin, *others = sums.tolist()
+    return Totals(
+        mass * kinetic, mass * internal, com_x, com_y, mass * momentum_x, mass * momentum_y,
+        mass * spin, *others,
+    )  # fmt: skip
 
 
 @jitable

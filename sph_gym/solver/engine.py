@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, stepping, teams
 from sph_gym.solver.integrators import INTEGRATORS, TWO_HALVES
-from sph_gym.solver.model import make_model, with_controls
+from sph_gym.solver.model import Steered, make_model, steered, with_steered
 from sph_gym.solver.neighbors import make_lists, make_sorting
 from sph_gym.solver.records import Kept
 from sph_gym.solver.scene import Scene
@@ -20,13 +20,23 @@ from sph_gym.solver.state import (
     column,
     empty_like,
 )
-from sph_gym.solver.stepping import FRESH, FULL, STAGE, STEPS, UNKNOWN, UNSORTED, World
+from sph_gym.solver.stepping import (
+    FRESH,
+    FULL,
+    STAGE,
+    STEPS,
+    UNKNOWN,
+    UNSORTED,
+    Model,
+    World,
+)
 from sph_gym.solver.target import n_lanes
 
 # Other threads aren't worth waking for less: particles of each, and particle-steps of one call.
 PARTICLES_PER_THREAD = 256
 WORTH_WAKING = 20_000
 NO_BOUNDS = np.empty(0, np.int64)
+N_SURVEYED = len(diagnostics.Survey._fields)
 # First guess of the length of a neighbour list; it grows where that is too short.
 ENTRIES_PER_GROUP = 70
 
@@ -37,19 +47,22 @@ STATE = ("x", "y", "u", "v", "id")
 class Engine:
     """A scene's particles in the order of their cells, with fresh densities between two calls.
 
-    threads: the most that a call may use; where it is small, fewer are, with the same result.
+    n: fluid particles; threads: the most that a call may use; where it is small, fewer are, with
+    the same result.
     """
 
     def __init__(
         self, scene: Scene, controls: Controls, mass: float, dtype: Any, brute: bool, threads: int
     ) -> None:
-        n = len(scene.x)  # type: ignore[arg-type]
+        self.n = n = len(scene.x)  # type: ignore[arg-type]
         self.dtype, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
         self._listed_by = 1
         self._pace = teams.Pace()
         self._world_record, self._model_record = Kept(), Kept()
+        self._leg, self._dt = np.empty((1, 4)), np.empty(1, dtype)
         self._work: NDArray[Any] | None = None
-        self.model = make_model(scene, controls, mass, dtype)
+        self._model = make_model(scene, controls, mass, dtype)
+        self._steered = steered(self._model, scene, controls)
         more = (*_kept_rates(scene), *(("offset",) if scene.effects.continuity else ()))
         normals = ("nx", "ny") if scene.effects.surface_tension is not None else ()
         columns = (*more, *normals)
@@ -90,8 +103,8 @@ class Engine:
         Walls that move sum anew in every step; those with the fluid's pressure need no sum.
         """
         sums = column(walls.id.size, self.dtype)
-        if self.model.extrapolation is None:
-            stepping.sum_walls(0, walls, sums, self.model.kernel, self.model.constants)
+        if self._model.extrapolation is None:
+            stepping.sum_walls(0, walls, sums, self._model.kernel, self._model.constants)
         return sums
 
     @property
@@ -107,11 +120,19 @@ class Engine:
     @cached_property
     def kind(self) -> str:
         """What two simulations must share to run the same machine code."""
-        return str((self.dtype, _structure(self.world), _structure(self.model)))
+        return str((self.dtype, _structure(self.world), _structure(self._model)))
 
     def set_controls(self, controls: Controls) -> None:
         """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
-        self.model = with_controls(self.model, self._scene, controls, self.dtype)
+        self._steered = steered(self._model, self._scene, controls)
+
+    @property
+    def model(self) -> Model:
+        """What the compiled loops take, with the present controls."""
+        return self._model_with(self._steered)
+
+    def _model_with(self, numbers: Steered) -> Model:
+        return with_steered(self._model, numbers, self.dtype)
 
     # --- time -------------------------------------------------------------------------------
 
@@ -136,11 +157,11 @@ class Engine:
         """One compiled call, on as many threads as it is worth; see `stepping.advance`."""
         with teams.borrow(self._worthwhile(n_substeps - done)) as n_threads:
             stale = self.begin(n_threads, stale, done)
-            legs, dts = np.array([[stale, time, done, n_substeps]]), np.array([dt], self.dtype)
-            arguments = NO_BOUNDS, *self.records(), legs, dts
+            self._leg[0], self._dt[0] = (stale, time, done, n_substeps), dt
+            arguments = NO_BOUNDS, *self.records(), self._leg, self._dt
             began = perf_counter()
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
-            work = len(self.fluid.id) * (n_substeps - done)
+            work = self.n * (n_substeps - done)
             self._pace.note(n_threads, work, perf_counter() - began)
 
     def begin(self, n_threads: int, stale: int = FRESH, done: int = 0) -> int:
@@ -159,7 +180,7 @@ class Engine:
         """Number of threads for so many substeps."""
         if n_substeps == 0:
             return self._listed_by
-        if len(self.fluid.id) * n_substeps < WORTH_WAKING:
+        if self.n * n_substeps < WORTH_WAKING:
             return 1
         return self._pace.choose(self._most)
 
@@ -176,7 +197,7 @@ class Engine:
     @property
     def full(self) -> bool:
         """Whether a list was too short, so that `fluid` is not up to date but `spare` is."""
-        return bool(self.world.status[:, FULL].any())
+        return any(self.world.status[:, FULL].tolist())
 
     @property
     def stage(self) -> int:
@@ -185,7 +206,7 @@ class Engine:
 
     def follow_stiffness(self, time: float) -> None:
         """Bring pressures, and what depends on them, up to date with the present controls."""
-        if self.model.extrapolation is None and self.model.halves is None:
+        if self._model.extrapolation is None and self._model.halves is None:
             stepping.renew_pressures(*self.records())
         else:
             # extrapolated pressures and kept rates follow the whole chain
@@ -226,14 +247,14 @@ class Engine:
     def records(self) -> tuple[Any, Any, Any, Any]:
         """Records of world and model (1, n_bytes), and their shapes: what compiled calls take."""
         world = self._world_record.follow(self.world)
-        model = self._model_record.follow(self.model)
+        model = self._model_record.follow_numbers(self._steered, self.dtype, self._model_with)
         return world.rows, model.rows, world.shape, model.shape
 
     # --- measures ---------------------------------------------------------------------------
 
     def accelerations(self, time: float) -> tuple[NDArray[Any], NDArray[Any]]:
         """ax and ay (n,) [m/s^2] in the order of `fluid`."""
-        n = len(self.fluid.id)
+        n = self.n
         ax, ay = column(n, self.dtype), column(n, self.dtype)
         lists = self.world.lists
         stepping.evaluate_acceleration(
@@ -243,9 +264,9 @@ class Engine:
 
     def nearest_and_count(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """(n,) squared distance [m^2] to the nearest other, and how many are within h."""
-        n = len(self.fluid.id)
+        n = self.n
         nearest, count = column(n, self.dtype), column(n, self.dtype)
-        h2, constants = self.model.kernel.h2, self.model.constants
+        h2, constants = self._model.kernel.h2, self._model.constants
         diagnostics.nearest_and_count(
             0, self.fluid, self.walls, self.world.lists, constants, h2, nearest, count
         )
@@ -259,11 +280,11 @@ class Engine:
         acceleration: the latter, or None if that isn't known; gravity: (2,) [m/s^2]; com: (2,)
         centre of mass [m].
         """
-        n, stale = len(self.fluid.id), acceleration is None
+        n, stale = self.n, acceleration is None
         ax, ay = (column(n, self.dtype), column(n, self.dtype)) if stale else acceleration
         if self._work is None:
             self._work = np.stack([column(n, self.dtype), column(n, self.dtype)])
-        numbers, clumped = np.zeros(len(diagnostics.Survey._fields)), diagnostics.CLUMPED * dx
+        numbers, clumped = np.zeros(N_SURVEYED), diagnostics.CLUMPED * dx
         stepping.examine(
             *self.records(), stale, float(time), ax, ay, gravity, com, clumped, self._work, numbers
         )
@@ -273,7 +294,7 @@ class Engine:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of the columns that make the state, (n,) each."""
-        n = len(self.fluid.id)
+        n = self.n
         return {name: getattr(self.fluid, name)[:n].copy() for name in self.state_columns}
 
     @property

@@ -166,6 +166,13 @@ class Gravity(_Field):
         """(2,) the part that is the same everywhere: all of it [m/s^2]."""
         return super().at(time) if self.ramp > 0 else self.lasting()
 
+    def mean(self, began: float, ended: float) -> tuple[float, float]:
+        """Of the vectors at two times [s], each [m/s^2]."""
+        if self.ramp == 0:
+            return self.x, self.y
+        x, y = ((self.at(began) + self.at(ended)) / 2).tolist()
+        return x, y
+
     def lasting(self) -> Array:
         """The vector, once the ramp is over."""
         return np.array([self.x, self.y])

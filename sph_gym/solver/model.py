@@ -1,6 +1,6 @@
 """From a scene and its controls to the numbers that the compiled loops take."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,22 +71,43 @@ def make_model(scene: Scene, controls: Controls, mass: float, number: Any) -> Mo
             integrator,
             integrator if isinstance(integrator, TWO_HALVES) else None,
         )  # fmt: skip
-        return with_controls(model, scene, controls, number)
+        return with_steered(model, steered(model, scene, controls), number)
 
 
-def with_controls(model: Model, scene: Scene, controls: Controls, number: Any) -> Model:
-    """The same model with another stiffness and XSPH epsilon."""
+class Steered(NamedTuple):
+    """The numbers of a model that controls change; 0 where it has no such part.
+
+    stiffness: Tait's B [Pa]; xsph: of `Xsph`; hydro_x, hydro_y: of `DensityDiffusion`.
+    """
+
+    stiffness: float
+    xsph: float
+    hydro_x: float
+    hydro_y: float
+
+
+def steered(model: Model, scene: Scene, controls: Controls) -> Steered:
+    """The numbers that go with controls, as Python floats, in which 1/h^8 fits."""
+    hydro_x = hydro_y = 0.0
+    if model.effects.density_diffusion is not None and scene.effects.field is not None:
+        # of the hydrostatic gradient of the lasting gravity
+        slope = scene.fluid.rho0 / scene.fluid.sound_speed(controls.stiffness) ** 2
+        hydro_x, hydro_y = (slope * g for g in scene.effects.field.lasting().tolist())
+    smoothing = 2 * controls.xsph * float(model.constants.density_scale)
+    return Steered(controls.stiffness, smoothing, hydro_x, hydro_y)
+
+
+def with_steered(model: Model, numbers: Steered, number: Any) -> Model:
+    """The same model with these numbers, in the precision `number`."""
     with np.errstate(over="ignore"):
-        model = model._replace(eos=model.eos._replace(stiffness=number(controls.stiffness)))
-        effects = model.effects
-        if effects.xsph is not None:
-            # as a Python float, in which 1/h^8 fits
-            scale = 2 * controls.xsph * float(model.constants.density_scale)
-            effects = effects._replace(xsph=Xsph(number(scale)))
-        if effects.density_diffusion is not None:
-            diffusion = _density_diffusion(scene, controls.stiffness, number)
-            effects = effects._replace(density_diffusion=diffusion)
-        return model._replace(effects=effects)
+        stiffness, xsph, hydro_x, hydro_y = (number(each) for each in numbers)
+    effects = model.effects
+    if effects.xsph is not None:
+        effects = effects._replace(xsph=Xsph(xsph))
+    if effects.density_diffusion is not None:
+        diffusion = effects.density_diffusion._replace(hydro_x=hydro_x, hydro_y=hydro_y)
+        effects = effects._replace(density_diffusion=diffusion)
+    return model._replace(eos=model.eos._replace(stiffness=stiffness), effects=effects)
 
 
 def _constants(scene: Scene, mass: float, number: Any) -> Constants:
@@ -140,8 +161,10 @@ def _pair_effects(scene: Scene, mass: float, number: Any) -> PairEffects:
     if named.surface_tension is not None:
         effects = effects._replace(surface_tension=_surface_tension(scene, kernel, mass, number))
     if named.density_diffusion is not None:
-        stiffness = scene.fluid.stiffness(c0)
-        effects = effects._replace(density_diffusion=_density_diffusion(scene, stiffness, number))
+        strength = number(2 * named.density_diffusion * c0 * h)
+        # the gradient follows the controls
+        gradient = number(0.0), number(0.0)
+        effects = effects._replace(density_diffusion=DensityDiffusion(strength, *gradient))
     if named.shifting is not None:
         speed = MACH * c0
         shifting = Shifting(
@@ -169,18 +192,6 @@ def _surface_tension(scene: Scene, kernel: Any, mass: float, number: Any) -> Sur
         number((DISORDER / h) ** 2),
         number(HELD_BACK),
         number(kernel.weight_scale * inverse_weight(kernel, scene.dx)),
-    )
-
-
-def _density_diffusion(scene: Scene, stiffness: float, number: Any) -> DensityDiffusion:
-    """With the hydrostatic gradient of the lasting gravity at the present stiffness."""
-    delta, field = scene.effects.density_diffusion, scene.effects.field
-    c = scene.fluid.sound_speed(stiffness)
-    slope = scene.fluid.rho0 / c**2 * (np.zeros(2) if field is None else field.lasting())
-    return DensityDiffusion(
-        number(2 * delta * scene.fluid.c0 * scene.h),  # type: ignore[operator]
-        number(slope[0]),
-        number(slope[1]),
     )
 
 

@@ -89,6 +89,7 @@ class Simulation:
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
         self._ledger = diagnostics.Ledger(self._totals, *self._energy_scales())
+        self._uniform = self._uniform_gravity()
         self._power = self._gravity_power()
         self._substeps, self._onset = 0.0, failure.Onset()
         self._nominal_dt()
@@ -216,14 +217,19 @@ class Simulation:
 
     def _gravity_work(self, before: diagnostics.Totals, began: float) -> float:
         """Work of gravity [J/m] since `began` [s]: exact where it is uniform, else trapezoidal."""
-        field, fluid_mass = self._local.effects.field, self.mass * self.n_fluid
-        assert field is not None
-        periodic = self.scene.walls is not None and self.scene.walls.is_periodic
-        if isinstance(field, Gravity) and not periodic:
-            mean = (field.at(began) + field.at(self.time)) / 2
-            return fluid_mass * float(mean @ np.subtract(self._totals[2:4], before[2:4]))
+        if self._uniform is not None:
+            mean_x, mean_y = self._uniform.mean(began, self.time)
+            path_x = self._totals.com_x - before.com_x
+            path_y = self._totals.com_y - before.com_y
+            return self.mass * self.n_fluid * (mean_x * path_x + mean_y * path_y)
         power, self._power = self._power, self._gravity_power()
         return (self.time - began) * (power + self._power) / 2
+
+    def _uniform_gravity(self) -> Gravity | None:
+        """The scene's gravity if the path of the centre of mass is all that its work depends on."""
+        walls, field = self.scene.walls, self.scene.effects.field
+        periodic = walls is not None and walls.is_periodic
+        return field if isinstance(field, Gravity) and not periodic else None
 
     def _gravity_power(self) -> float:
         """Power of gravity [W/m] on the present state."""
@@ -289,7 +295,7 @@ class Simulation:
     @property
     def n_fluid(self) -> int:
         """Number of fluid particles."""
-        return int(self.engine.fluid.id.size)
+        return self.engine.n
 
     @property
     def n_particles(self) -> int:
@@ -423,7 +429,8 @@ class Simulation:
         if isinstance(field, CentralGravity):
             r2 = ((self._places[:n].astype(np.float64) - (field.x, field.y)) ** 2).sum()
             return 0.5 * self.mass * field.omega**2 * float(r2)
-        return -self.mass * n * float(gravity @ np.add(self._totals[2:4], self._origin))
+        (gx, gy), (x, y) = gravity.tolist(), self._origin.tolist()
+        return -self.mass * n * (gx * (self._totals.com_x + x) + gy * (self._totals.com_y + y))
 
     # --- snapshots --------------------------------------------------------------------------
 

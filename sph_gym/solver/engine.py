@@ -23,6 +23,7 @@ from sph_gym.solver.state import (
 from sph_gym.solver.stepping import (
     FRESH,
     FULL,
+    N_STATUS,
     STAGE,
     STEPS,
     UNKNOWN,
@@ -86,7 +87,7 @@ class Engine:
             source_sums=None if walls is None else self._sum_walls(walls),
             sorting=sorting,
             lists=None if brute else make_lists(n, self._most, per_particle),
-            status=np.zeros((self._most, 7), np.int64),
+            status=np.zeros((self._most, N_STATUS), np.int64),
             team=teams.make_team(),
             totals=np.zeros(9),
             clock=np.zeros(1),
@@ -193,6 +194,11 @@ class Engine:
     def bad(self) -> int:
         """Place of the particle that failed in the last call, or -1."""
         return int(stepping.first_bad(self.world.status, len(self.world.status)))
+
+    @property
+    def whole(self) -> bool:
+        """Whether `fluid` is the state at the end of the last step, even if somebody failed."""
+        return self.stage == FRESH
 
     @property
     def full(self) -> bool:

@@ -103,5 +103,5 @@ class Kept:
         if self.shape is None:
             self.shape, self._size = Shape(value), _record_size(value)
         # another array every time: a call on another thread may still read the last one
-        self.rows = np.empty((1, self._size), np.uint8)
+        self.rows = np.zeros((1, self._size), np.uint8)
         _pack(self.rows[0], value)

@@ -34,8 +34,9 @@ class Report:
     """What one `advance` did.
 
     n_substeps: steps taken (the one that failed included); dt: their length [s]; diverged: x, v,
-    rho or p no longer finite, a speed above 5000 m/s, or more energy from nowhere than the
-    ledger tolerates (`diagnostics.Ledger`); cause: "" | "cfl" | "stiffness" | "clumping" |
+    rho or p no longer finite, a speed above 5000 m/s, a particle inside of boundary particles
+    (`density.WALLED`), or more energy from nowhere than the ledger tolerates
+    (`diagnostics.Ledger`); cause: "" | "cfl" | "stiffness" | "clumping" |
     "tunnelling" | "energy" | "nan"; link: the link of the chain where it first showed, "" |
     "neighbours" | "density" | "pressure" | "force" | "integration" | "walls"; bad_particle: its
     public index, or -1.
@@ -259,13 +260,16 @@ class Simulation:
     def _failed(self, report: Report, bad: int) -> Report:
         """Which particle, which link, and why; `bad` is a place in the arrays."""
         engine = self.engine
-        index = engine.fluid.id[bad]
+        # no other particle fails at the end of a step
+        walled, index = engine.whole and engine.bad >= 0, engine.fluid.id[bad]
         engine.recover(self.time)
         self._totals = self._sum()
         bad = int(np.flatnonzero(engine.fluid.id == index)[0])
-        link, place = failure.broken_link(
-            engine.fluid, engine.walls, self._acceleration_sizes(), bad, self._local, self.mass
-        )
+        link, place = "walls", bad
+        if not walled:
+            link, place = failure.broken_link(
+                engine.fluid, engine.walls, self._acceleration_sizes(), bad, self._local, self.mass
+            )
         nearest = float(np.sqrt(engine.nearest_and_count()[0].min())) / self.scene.dx
         cause = failure.cause(self.scene, report.dt, self.sound_speed, link, nearest)
         index = int(engine.fluid.id[place])
@@ -513,7 +517,7 @@ class Journey:
         sim = self.sim
         self._done += steps
         sim._substeps += steps
-        now = self._time(self._done - (bad >= 0))
+        now = self._time(self._done - (bad >= 0 and not sim.engine.whole))
         sim.last_report = sim._book(Report(self._done, self._dt), bad, now)
         self.over = sim.last_report.diverged or self._done == self._n_substeps
         if self.over and not sim.last_report.diverged:

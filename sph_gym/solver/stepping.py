@@ -39,8 +39,10 @@ VISCOUS = 0.125
 
 # Columns of `World.status`: steps done by thread 0, the first particle in a thread's share that
 # failed or -1, whether a thread's list was too short; the particles that are its share; where in
-# a step the call ended, see below; where the fluid's part of the thread's list ends.
-STEPS, BAD, FULL, FIRST, LAST, STAGE, LISTED = 0, 1, 2, 3, 4, 5, 6
+# a step the call ended, see below; where the fluid's part of the thread's list ends; the first
+# particle in its share that is inside of a wall or -1.
+STEPS, BAD, FULL, FIRST, LAST, STAGE, LISTED, WALLED = 0, 1, 2, 3, 4, 5, 6, 7
+N_STATUS = 8
 # What is to be done before the next step: nothing; densities and lists, from `spare`; rates too,
 # since they depend on what has changed; densities and the second half of the present step.
 FRESH, UNSORTED, UNKNOWN, HALFWAY = 0, 1, 2, 3
@@ -92,7 +94,7 @@ class World(NamedTuple):
     state as the last step left it, or scratch; start, wall_start: (n_cells + 1,) first particle
     of every cell; walls: in the order of the cells; wall_source: in public order; wall_rest: the
     same before they moved, moves: (n,) 1 for those that move; wall_sums, source_sums: kernel sums
-    of wall particles over each other, in the two orders; status: (n_threads, 7) int64, see the
+    of wall particles over each other, in the two orders; status: (n_threads, 8) int64, see the
     constants above; team: flags of the threads; totals: (9,) of the state, see
     `diagnostics.Totals`; clock: (1,) time [s] of the state and of the walls.
     """
@@ -242,9 +244,14 @@ def any_full(status, n_threads):
 @jitable
 def first_bad(status, n_threads):
     """The first particle that failed in any thread's share; -1 if none did."""
+    return _first(status, n_threads, BAD)
+
+
+@jitable
+def _first(status, n_threads, kind):
     for t in range(n_threads):
-        if status[t, BAD] >= 0:
-            return status[t, BAD]
+        if status[t, kind] >= 0:
+            return status[t, kind]
     return -1
 
 
@@ -331,6 +338,25 @@ def finish_step(halves, rank, n_threads, fluid, spare, walls, lists, status, tea
 
 
 @jitable
+def complete_step(rank, n_threads, world, model, began, length, shown):
+    """What is left of the step from `began` to `began` + `length` [s], after particles have moved.
+
+    shown: whether somebody may look at what walls without slip are like then, which follow
+    velocities. Returns False if it failed, a list was too short or the team was told to stop.
+    """
+    fluid, walls, lists, status = world.fluid, world.walls, world.lists, world.status
+    if not finish_step(
+        model.halves, rank, n_threads, fluid, world.spare, walls, lists, status, world.team, model,
+        began, length,
+    ):  # fmt: skip
+        return False
+    return not (is_there(model.halves) and shown) or follow_fluid(
+        model.extrapolation, rank, n_threads, walls, world.wall_start, fluid, world.start,
+        read_grid(world.sorting.frame), lists, status, world.team, model, began + length,
+    )  # fmt: skip
+
+
+@jitable
 def follow_fluid(
     extrapolation, rank, n_threads, walls, wall_start, fluid, start, grid, lists, status, team,
     model, time,
@@ -375,7 +401,8 @@ def _advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
     each followed by the rest of the chain. `world.fluid` holds the state before and after, with
     densities, pressures and lists; `stale` says what of it is not up to date (see FRESH and the
     others). When a step fails, `fluid` holds the last finite state; when a list was too short,
-    `spare` holds a state for another call with larger lists. `world.status` says so.
+    `spare` holds a state for another call with larger lists; when a particle ends within a wall,
+    `fluid` holds the state with it there. `world.status` says so.
     """
     fluid, spare, start = world.fluid, world.spare, world.start
     walls, wall_start, wall_sums = world.walls, world.wall_start, world.wall_sums
@@ -419,13 +446,14 @@ def _advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
             fluid, start, grid, lists, kernel, eos, constants, team,
         )  # fmt: skip
         _, room = own_part(lists, rank, n_threads)
-        end = room
+        end, walled = room, -1
         if not full:
-            end = compute_fluid_density(
+            end, walled = compute_fluid_density(
                 rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
-                kernel, eos, constants, model.effects,
+                kernel, eos, constants, model.effects, model.box, model.plates, length,
             )  # fmt: skip
         status[rank, FULL], status[rank, LISTED] = full or end > room, end
+        status[rank, WALLED] = walled
         if not meet(team, n_threads) or any_full(status, n_threads):
             return
         if not follow_fluid(
@@ -433,19 +461,16 @@ def _advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
             status, team, model, now,
         ):  # fmt: skip
             return
-        if status[rank, STAGE] == UNSORTED or part + 1 < n_moves:
+        if part + 1 < n_moves:
             continue
-        if not finish_step(
-            model.halves, rank, n_threads, fluid, spare, walls, lists, status, team, model,
-            began, length,
-        ):  # fmt: skip
+        if status[rank, STAGE] != UNSORTED and not complete_step(
+            rank, n_threads, world, model, began, length, k == last_move
+        ):
             return
-        # somebody may look at walls without slip, which follow velocities
-        if is_there(model.halves) and k == last_move and not follow_fluid(
-            model.extrapolation, rank, n_threads, walls, wall_start, fluid, start, grid, lists,
-            status, team, model, now,
-        ):  # fmt: skip
-            return
+        # a whole step that put somebody into a wall is the last one
+        if k > 0 and _first(status, n_threads, WALLED) >= 0:
+            status[rank, BAD] = status[rank, WALLED]
+            break
     status[rank, STAGE] = FRESH
     if rank == 0:
         sum_up(fluid, walls, model.extrapolation, eos, world.totals)

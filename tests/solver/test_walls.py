@@ -114,6 +114,62 @@ def test_a_short_dam_break_does_not_leak():
     assert x[:, 1].min() > box[2] - 0.5 * dam.dx
 
 
+# --- Boundary particles and nothing behind them ----------------------------------------------
+
+
+def stray(mach, dx=0.05, guard=None, **kwargs):
+    """Two particles, one of them on its way to the floor, with c0 = 10 m/s."""
+    floor = lattice(-0.5, 0.5, -3 * dx, 0.0, dx)
+    x, v = [(-0.3, 1.0), (0.02, 0.1)], [(0.0, 0.0), (0.0, -10.0 * mach)]
+    walls = Walls(floor, **(guard or {}))
+    return simulation("none", x=x, v=v, dx=dx, h=2.6 * dx, walls=walls, frame=0.05, **kwargs)
+
+
+@pytest.mark.without_jit
+@pytest.mark.parametrize("neighbors", ["grid", "brute"])
+@pytest.mark.parametrize("mach", [0.9, 4.0])
+def test_who_gets_into_a_wall_is_reported_at_the_end_of_that_step(mach, neighbors):
+    sim = stray(mach, neighbors=neighbors)
+    report = sim.advance(0.05)
+    assert (report.diverged, report.cause, report.link) == (True, "tunnelling", "walls")
+    assert report.bad_particle == 1
+    assert sim.time == pytest.approx(report.n_substeps * report.dt)
+    assert np.isfinite(sim.x).all()
+    # nor is it over on the other side
+    assert sim.x[1, 1] < 2.6 * 0.05
+    # who is in stays in; who was only too fast goes on in shorter steps
+    assert sim.advance(0.001).diverged == (mach < 1)
+
+
+@pytest.mark.parametrize("integrator", ["kick_drift_kick", "predictor_corrector"])
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_every_integrator_tells_who_gets_into_a_wall(integrator, dtype):
+    sim = stray(0.9, integrator=integrator, dtype=dtype)
+    report = sim.advance(0.05)
+    assert (report.cause, report.link, report.bad_particle) == ("tunnelling", "walls", 1)
+    assert sim.time == pytest.approx(report.n_substeps * report.dt)
+
+
+@pytest.mark.parametrize(
+    "guard", [{"box": (-9.0, 9.0, 0.0, 9.0)}, {"plates": [(-0.5, 0.0, 0.5, 0.0)]}]
+)
+@pytest.mark.parametrize("mach", [0.9, 4.0])
+def test_nobody_gets_into_a_wall_with_a_guard_at_its_face(mach, guard):
+    sim = stray(mach, guard=guard)
+    assert not sim.advance(0.05).diverged
+    assert sim.x[1, 1] >= 0
+
+
+def test_a_hole_of_one_particle_is_no_wall():
+    dx = 0.05
+    around = lattice(-0.2, 0.25, -0.2, 0.25, dx)
+    hole = np.hypot(*(around - 0.025).T) > 0.5 * dx
+    walls = Walls(around[hole])
+    sim = simulation("none", x=[(0.025, 0.025)], v=[(0.0, 0.0)], dx=dx, h=2.6 * dx, walls=walls)
+    assert hole.sum() == 80
+    assert not sim.advance(0.05).diverged
+
+
 @pytest.mark.without_jit
 def test_lattice_is_centred_on_its_cells():
     x = lattice(1.0, 1.0 + 3 * DX, -2.0, -2.0 + 2 * DX, DX)

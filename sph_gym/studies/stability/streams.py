@@ -113,7 +113,7 @@ def shower(dx: float, mach: float) -> Scene:
     """Single particles at a Mach number onto boundary particles with nothing behind them."""
     x = np.stack([np.linspace(-0.75 * HALF, 0.75 * HALF, 30), np.full(30, 2.5 * dx)], axis=-1)
     v = np.tile((0.0, -mach * 10 * SPEED), (len(x), 1))
-    return stream(x, v, dx, Walls(floor(dx), plates=FAR))
+    return stream(x, v, dx, Walls(floor(dx)))
 
 
 def cases() -> Iterator[Case]:

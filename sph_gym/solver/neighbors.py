@@ -267,10 +267,11 @@ def lay_grid(frame, fluid, h, n_cells):
     y_low, y_high = float(box.y_low), float(box.y_high)
     for _ in range(40):
         # floats, which cannot overflow into small numbers
-        first_column = np.floor(x_low / cell_width) - COLUMNS_PER_SUPPORT - 1.0
-        first_row = np.floor(y_low / height) - 2.0
-        n_columns = np.floor(x_high / cell_width) + COLUMNS_PER_SUPPORT + 2.0 - first_column
-        n_rows = np.floor(y_high / height) + 3.0 - first_row
+        left, low = np.floor(x_low / cell_width), np.floor(y_low / height)
+        first_column, first_row = left - COLUMNS_PER_SUPPORT - 1.0, low - 2.0
+        # differences first: far enough from the origin, nothing is left of what is added to one
+        n_columns = np.floor(x_high / cell_width) - left + (2.0 * COLUMNS_PER_SUPPORT + 3.0)
+        n_rows = np.floor(y_high / height) - low + 5.0
         if n_columns * n_rows <= n_cells:
             break
         x_low, x_high = _bulk(fluid.x, fluid.id.size, x_low, x_high)

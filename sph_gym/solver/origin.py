@@ -21,12 +21,13 @@ FINE = 1e-3
 def origin(scene: Scene, dtype: Any) -> Floats:
     """(2,) the point [m] from which positions are counted: a multiple of dx, mostly zero.
 
-    Zero wherever `dtype` tells places apart well enough, so that numbers stay what the user gave.
+    Zero wherever `dtype` tells places in the middle of the fluid apart well enough, so that numbers
+    stay what the user gave.
     """
-    x = np.asarray(scene.x)
-    if float(np.finfo(dtype).eps) * float(np.abs(x).max()) <= FINE * scene.dx:
+    # the median: a stray may be anywhere
+    middle = np.median(np.asarray(scene.x), axis=0)
+    if float(np.finfo(dtype).eps) * float(np.abs(middle).max()) <= FINE * scene.dx:
         return np.zeros(2)
-    middle = (x.min(axis=0) + x.max(axis=0)) / 2
     return np.asarray(np.rint(middle / scene.dx) * scene.dx)
 
 

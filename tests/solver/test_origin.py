@@ -86,3 +86,9 @@ def test_all_that_has_a_place_is_displaced():
         there = moved(turned, np.array([10.0, 20.0])).effects.field
         place = there.pivot if isinstance(field, RollingTank) else (there.x, there.y)
         assert place == pytest.approx((10.1, 20.2))
+
+
+def test_strays_do_not_take_the_origin_along():
+    home = square()
+    strays = np.concatenate([home, [(1e18, 0.0), (1e18, 1e18)]])
+    assert not origin(patch(np.zeros(2), x=strays, v=np.zeros_like(strays)), np.float64).any()

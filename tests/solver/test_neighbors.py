@@ -155,7 +155,7 @@ def test_strays_do_not_inflate_the_grid(x):
 @pytest.mark.without_jit
 @pytest.mark.parametrize("far", [1e15, -7.5e17, 1e100])
 def test_a_fluid_so_far_away_that_all_are_in_one_place_has_a_grid(far):
-    x = np.asarray(scene().x) + (far, 0.0)
+    x = np.asarray(scene().x) + np.array((far, 0.0))
     grid, _, target = sorted_by_cells(x)
     assert grid.n_columns >= 1
     assert 1 <= count_cells(grid) <= CELLS_PER_PARTICLE * len(x) + 64

@@ -168,7 +168,7 @@ def test_an_interrupted_study_keeps_what_is_done(planted, tmp_path, monkeypatch)
 def test_what_is_on_disk_says_all(planted, tmp_path):
     rows(tmp_path)
     [first, _] = sorted((tmp_path / "validation").glob("*.json"), key=lambda p: p.stat().st_mtime)
-    kept = json.loads(first.read_text())
+    kept = json.loads(first.read_text())["result"]
     assert kept["arguments"] == {"dx": 0.08, **QUICKLY}
     assert kept["work"] > 0
     assert kept["seconds"] > 0

@@ -46,8 +46,8 @@ from sph_gym.solver.walls import nearest_image
 # A fluid particle of whose density walls alone make more than this share of rho0 is inside of one.
 # They make up to 0.7 in a corner, up to 0.85 in a hole of one particle, and 1 within.
 WALLED = 0.9
-# Nor is there a box or plate to stop who moves farther than this share of h in a step: such
-# particles are over a wall before it makes 0.9 of their density anywhere.
+# Where nothing stands behind the walls' particles, who moves farther than this share of h in a step
+# may be over a wall before that makes 0.9 of a density; farther than h, from out of its sight.
 LEAP = 0.5
 # Added to r^2 [m^2]: the direction of two coincident particles is 0 / 1e-15 = 0, not NaN.
 COINCIDENT = 1e-30
@@ -156,18 +156,15 @@ def first_walled(walls, box, plates, fluid, i, n, of_walls, constants, eos, dt):
 
 @jitable
 def first_leap(box, plates, fluid, i, n, share, constants, dt):
-    """The first of n lanes near boundary particles alone that went too far in a step, or -1."""
+    """The first of n lanes that went too far in a step beside boundary particles alone, or -1."""
     if box is not None:
         return -1
     if plates is not None:
         return -1
     u, v = dt * load(fluid.u, i), dt * load(fluid.v, i)
-    leap = like(share, LEAP * constants.h)
-    zero, one = like(share, 0.0), like(share, 1.0)
-    # not with &: without compiling these are plain bools
-    far = select(u * u + v * v > leap * leap, one, zero)
-    near = select(share > zero, one, zero)
-    return first_true((far * near > zero) & first_lanes(share, n))
+    h = like(share, constants.h)
+    most = select(share > like(share, 0.0), like(share, LEAP) * h, h)
+    return first_true((u * u + v * v > most * most) & first_lanes(share, n))
 
 
 @jitable

@@ -92,3 +92,13 @@ def test_strays_do_not_take_the_origin_along():
     home = square()
     strays = np.concatenate([home, [(1e18, 0.0), (1e18, 1e18)]])
     assert not origin(patch(np.zeros(2), x=strays, v=np.zeros_like(strays)), np.float64).any()
+
+
+@pytest.mark.parametrize("x", [10.0, 160.0])
+def test_a_slow_particle_arrives_in_single_precision(x):
+    # in a thousand steps of some 1e-5 m, which single precision can't tell apart at x
+    start, v = [(x, 0.0)], [(3e-3, 0.0)]
+    sim = Simulation(scene("none", x=start, v=v, duration=1.0), "float32")
+    sim.controls = sim.controls._replace(dt=1e-3)
+    assert not sim.advance(1.0).diverged
+    assert sim._places[0, 0] - (x - sim._origin[0]) == pytest.approx(3e-3, rel=0.01)

@@ -34,17 +34,53 @@ def _sources(own: tuple[Path, ...]) -> bytes:
     return source_hash().encode() + hashlib.sha256(everything).digest()
 
 
-def kept(path: Path, key: Any, compute: Callable[[], Any]) -> Any:
+def kept(
+    path: Path,
+    key: Any,
+    compute: Callable[[], Any],
+    fits: Callable[[Any], bool] = lambda result: True,
+) -> Any:
     """What `compute` returns, as JSON has it; from `path` if it was computed before.
 
-    key: what was computed, for people who look into the file. Raises OSError that names the file
-    if it can't be written.
+    key: what was computed, which a file must be of; fits: whether a result, as JSON has it, is
+    one. What isn't is computed again, with a warning. Raises OSError that names the file if it
+    can't be written.
     """
     stored = read(path)
+    if stored is not None and not (_same(stored.get("key"), key) and fits(stored["result"])):
+        warnings.warn(f"{path} is no run of {key} and is made anew", stacklevel=2)
+        stored = None
     if stored is None:
         stored = json.loads(json.dumps({"key": key, "result": compute()}))
         write(path, stored)
     return stored["result"]
+
+
+def _same(stored: Any, key: Any) -> bool:
+    return bool(json.dumps(stored) == json.dumps(key))
+
+
+def is_record(kind: Any) -> Callable[[Any], bool]:
+    """Whether a result is a list of the fields of a NamedTuple of numbers and words."""
+    # JSON writes some floats as whole numbers, and takes True for a number of neither kind
+    legal = {int: {int}, float: {int, float}, str: {str}}
+    types = [legal[own] for own in kind.__annotations__.values()]
+
+    def fits(result: Any) -> bool:
+        if not isinstance(result, list) or len(result) != len(types):
+            return False
+        return all(type(item) in own for item, own in zip(result, types, strict=True))
+
+    return fits
+
+
+def probe(folder: Path) -> None:
+    """Raise OSError that names the folder if nothing can be written into it."""
+    try:
+        write(folder / "writable.json", {})
+        (folder / "writable.json").unlink(missing_ok=True)
+    except OSError as error:
+        raise OSError(error.errno, f"can't be written to: {error.strerror}", str(folder)) from None
 
 
 def read(path: Path) -> Any:

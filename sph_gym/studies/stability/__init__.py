@@ -16,7 +16,6 @@ from sph_gym.env import SCENES
 from sph_gym.studies import store
 from sph_gym.studies.stability import bodies, figures, maps, memory, report, streams, tanks, walls
 from sph_gym.studies.stability.case import VARIANTS, Case
-from sph_gym.studies.stability.report import Found
 from sph_gym.studies.stability.runs import Outcome, run
 from sph_gym.studies.table import Row
 
@@ -42,19 +41,20 @@ def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
     so are pictures of the maps. Raises ImportError that names the extra to install.
     """
     place = folder / "stability"
+    store.probe(place)
     yield from catalogue(quick, place)
     with _bar(memory.LOOKS, "memory", "look") as bar:
-        yield from memory.rows(quick, bar.update)
-    with _bar(len(VARIANTS), "boundary particles", "variant") as bar:
-        yield from walls.rows(bar.update)
+        yield from memory.rows(quick, place, bar.update)
+    with _bar(walls.N_RUNS, "boundary particles", "run") as bar:
+        yield from walls.rows(place, bar.update)
     for name in QUICK_SCENES if quick else SCENES:
-        yield from chart(name, maps.QUICK if quick else maps.FULL, place)
+        yield from chart(name, quick, place)
 
 
 def catalogue(quick: bool, folder: Path, chosen: Sequence[Case] | None = None) -> Iterator[Row]:
     """Rows of the cases, by default of all, and what they promise together."""
     several, variants = chosen or cases(), QUICK_VARIANTS if quick else VARIANTS
-    found: dict[str, tuple[Case, Sequence[Found]]] = {}
+    found: report.Catalogue = {}
     with _bar(len(several) * len(variants), "cases", "run") as bar:
         for case in several:
             bar.set_description(case.name)
@@ -70,14 +70,16 @@ def catalogue(quick: bool, folder: Path, chosen: Sequence[Case] | None = None) -
 def _kept(case: Case, variant: Any, quick: bool, folder: Path) -> Outcome:
     key = [case.name, variant.name, quick]
     path = folder / store.name(key, *OWN)
-    return Outcome(*store.kept(path, key, partial(run, case, variant, quick)))
+    compute = partial(run, case, variant, quick)
+    return Outcome(*store.kept(path, key, compute, store.is_record(Outcome)))
 
 
-def chart(name: str, grid: maps.Grid, folder: Path) -> Iterator[Row]:
-    """Rows and picture of a scene's map."""
+def chart(name: str, quick: bool, folder: Path) -> Iterator[Row]:
+    """Rows and picture of a scene's map; that of the quick version has a name of its own."""
+    grid = maps.QUICK if quick else maps.FULL
     with _bar(maps.n_runs(grid), f"map of {name}", "run") as bar:
         found = maps.survey(name, grid, folder, bar.update)
-    figures.draw(name, found, folder / f"{name}.png")
+    figures.draw(name, found, folder / f"{name}{'_quick' if quick else ''}.png")
     yield from maps.rows(name, found)
 
 

@@ -139,7 +139,8 @@ def _kept(
 ) -> Point:  # fmt: skip
     key = [name, dt, sound, xsph, grid.share]
     path = folder / store.name(key, Path(__file__))
-    found = store.kept(path, key, lambda: run(scene, dt * unit(scene), sound, xsph, grid.share))
+    compute = partial(run, scene, dt * unit(scene), sound, xsph, grid.share)
+    found = store.kept(path, key, compute, store.is_record(Point))
     look()
     return Point(*found)
 

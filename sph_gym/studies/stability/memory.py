@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from sph_gym.solver.simulation import Simulation
+from sph_gym.studies import store
 from sph_gym.studies.stability import tanks
 from sph_gym.studies.stability.case import article
 from sph_gym.studies.table import Row
@@ -50,9 +52,12 @@ def growth(steps: int, look: Callable[[], Any] = lambda: None) -> float:
     return resident() - before
 
 
-def rows(quick: bool, look: Callable[[], Any]) -> Iterator[Row]:
-    """Growth over 10^6 steps, or over some thousand."""
+def rows(quick: bool, folder: Path, look: Callable[[], Any]) -> Iterator[Row]:
+    """Growth over 10^6 steps, or over some thousand; the finished run is kept in the folder."""
     steps = QUICK_STEPS if quick else STEPS
-    gained = growth(steps, look)
+    key = ["memory", steps]
+    path = folder / store.name(key, Path(__file__), Path(tanks.__file__))
+    compute = partial(growth, steps, look)
+    gained = float(store.kept(path, key, compute, lambda kept: type(kept) in (int, float)))
     if math.isfinite(gained):
         yield Row("memory gained", f"{steps:,} steps", gained, "MB", BOUND)

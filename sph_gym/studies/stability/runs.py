@@ -13,7 +13,7 @@ from sph_gym.studies.stability.case import Case, Variant
 
 # Frames in which one and two threads, and grid and brute force, are compared.
 COMPARED = 3
-# Of particles, above which brute force isn't asked.
+# Of particles, above which brute force is asked about some of them only.
 AFFORDABLE = 3000
 
 
@@ -23,11 +23,13 @@ class Outcome(NamedTuple):
     substeps; blowups: reported ones; cause: of the first; silent: frames in which something went
     wrong without a report, or with one that doesn't say what; passed: most particles on the wrong
     side of a wall; excess: energy from nowhere, as a share of what is at stake; drift: of the
-    momentum, as a share of mass times largest speed; density: largest mean compression of the
-    second half; p99: its 99th percentile; lowest: smallest rho / rho0; fastest: [m/s]; threads:
-    fields that differ between one thread and two; grid: largest difference of the evaluation by
-    grid and by brute force; observables: difference of runs by grid and by brute force; seconds:
-    wall clock.
+    momentum, as a share of mass times largest speed; gain: largest mean compression beyond that
+    of the start; density: the largest of the second half; p99: its 99th percentile; clumping:
+    largest share of particles closer than 0.6 dx in the second half; lowest: smallest density, in
+    multiples of a lonely particle's; left: smallest density, as a share of the smallest of the
+    start; fastest: [m/s]; threads: fields that differ between one thread and two; grid: largest
+    difference of the evaluation by grid and by brute force; observables: difference of runs by
+    grid and by brute force; -inf where they weren't compared; seconds: wall clock.
     """
 
     substeps: int = 0
@@ -37,13 +39,16 @@ class Outcome(NamedTuple):
     passed: int = 0
     excess: float = -math.inf
     drift: float = 0.0
+    gain: float = 0.0
     density: float = 0.0
     p99: float = 0.0
+    clumping: float = 0.0
     lowest: float = math.inf
+    left: float = math.inf
     fastest: float = 0.0
     threads: int = 0
-    grid: float = 0.0
-    observables: float = 0.0
+    grid: float = -math.inf
+    observables: float = -math.inf
     seconds: float = 0.0
 
 
@@ -54,6 +59,7 @@ _WORSE: dict[str, Any] = {
     "cause": lambda a, b: a or b,
     "silent": lambda a, b: a + b,
     "lowest": lambda a, b: float(np.minimum(a, b)),
+    "left": lambda a, b: float(np.minimum(a, b)),
     "seconds": lambda a, b: a + b,
 }
 
@@ -86,6 +92,7 @@ class _Run:
         self.frames = case.quick if quick else case.frames
         self.scene = case.scene(variant, size)
         self.sim = Simulation(self.scene, self.dtype, threads=1)
+        self.start = self.sim.diagnostics()["density_error"], self._least()
         self._taken: WeakKeyDictionary[Simulation, int] = WeakKeyDictionary()
 
     def advance(self, sim: Simulation) -> Report:
@@ -100,7 +107,8 @@ class _Run:
         found = self._look(Report(0, 0.0), 0)
         start, mass = checks.momentum(self.sim), self.sim.mass * self.sim.n_fluid
         for frame in range(self.frames):
-            if frame == self.frames // 4:
+            # the hard start itself, and what became of it
+            if frame in (0, self.frames // 4):
                 found = worst(found, self._exactness())
             report = self.advance(self.sim)
             found = worst(found, self._look(report, frame))
@@ -121,27 +129,36 @@ class _Run:
             silent=int(checks.is_silent(sim, report)),
             passed=self.case.passed(sim),
             excess=numbers["energy_excess"],
+            gain=numbers["density_error"] - self.start[0],
             density=numbers["density_error"] if late else 0.0,
             p99=numbers["density_error_p99"] if late else 0.0,
-            lowest=float(sim.rho[: sim.n_fluid].min()) / self.scene.fluid.rho0,
+            clumping=numbers["clumping"] if late else 0.0,
+            lowest=self._least() / checks.least_possible(sim),
+            left=self._least() / self.start[1],
             fastest=numbers["max_speed"],
         )
 
+    def _least(self) -> float:
+        """The smallest rho / rho0."""
+        return float(self.sim.rho[: self.sim.n_fluid].min()) / self.scene.fluid.rho0
+
     def _exactness(self) -> Outcome:
-        """How far grid and brute force are apart on the present state."""
-        return Outcome(grid=checks.grid_gap(self.sim)) if self._comparable else Outcome()
+        """How far grid and brute force are apart on the present state, of all or of a sample."""
+        if self.dtype != "float64":
+            return Outcome()
+        gap = checks.grid_gap if self._affordable else checks.sample_gap
+        return Outcome(grid=gap(self.sim))
 
     @property
-    def _comparable(self) -> bool:
-        """Whether brute force is exact and affordable."""
-        cheap = self.case.brute and self.sim.n_particles <= AFFORDABLE
-        return self.dtype == "float64" and cheap
+    def _affordable(self) -> bool:
+        return self.sim.n_particles <= AFFORDABLE
 
     def _compare(self) -> Outcome:
         """The end of the run by brute force, and its beginning on two threads and without grid."""
         frames = min(COMPARED, self.frames)
         found = Outcome(threads=checks.threads_differ(self.scene, self.dtype, self.advance, frames))
-        if not self._comparable:
+        found = worst(found, self._exactness())
+        if self.dtype != "float64" or not self._affordable:
             return found
         gap = checks.run_gap(self.scene, self.dtype, self.advance, frames)
-        return worst(found._replace(observables=gap), self._exactness())
+        return worst(found, Outcome(observables=gap))

@@ -101,7 +101,8 @@ class Case(NamedTuple):
     build: dx [m] and an item of `sizes` to a scene; frames, quick: how many of the scene's frames
     it lasts, and how many in the quick version; steer: sets the controls before each; stable:
     whether the step is at most the stable one, so that a blow-up is a failure; density: the
-    largest mean compression, beyond that of the start; p99: the largest 99th percentile of the
+    largest mean compression of the second half; gain: the largest of the whole run beyond that
+    of the start, by default the same, inf where the case says why; p99: the largest 99th percentile of the
     second half, None where the case says why; least: of the smallest density of the start, what
     must be left of it where the fluid stays together, else 0; clumping: the largest share of
     particles closer than 0.6 dx in the second half, None if it isn't asked; excess: the most
@@ -119,6 +120,7 @@ class Case(NamedTuple):
     steer: Steer = article
     stable: bool = True
     density: float = 0.02
+    gain: float | None = None
     p99: float | None = DENSE
     least: float = 0.0
     clumping: float | None = None

@@ -48,7 +48,8 @@ def _exact(case: Case, found: Sequence[Found]) -> Iterator[Row]:
 
 def _densities(case: Case, found: Sequence[Found]) -> Iterator[Row]:
     stable = case.stable
-    yield _worst(case, found, "gain", case.density if stable else None)
+    gain = case.density if case.gain is None else case.gain
+    yield _worst(case, found, "gain", gain if stable and gain < math.inf else None)
     yield _worst(case, found, "density", case.density if stable else None)
     yield _worst(case, found, "p99", case.p99 if stable else None)
     if case.clumping is not None:

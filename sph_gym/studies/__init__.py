@@ -38,7 +38,7 @@ _IN_PARTS: dict[str, Callable[[], list[str]]] = {
     "validation": validation.with_reference,
     "accuracy": accuracy.names,
 }
-# What more a study leaves in its folder, from its rows.
+# The picture that a study draws of its rows.
 _FINISH: dict[str, Callable[[list[Row], Path], None]] = {"throughput": throughput.finish}
 
 
@@ -57,7 +57,7 @@ def run_study(
 ) -> int:
     """Run a study, print its table, write `folder`/NAME.csv and, on what it ran, NAME.json.
 
-    A part of a study is called after the part: validation_quick, accuracy_SCENE.
+    A part of a study is called after the part: stability_quick, accuracy_SCENE.
     The file grows with every row, so that an interrupted study leaves what it has measured.
     chosen: scenes of the studies that go by scenes; again: validate anew what was validated
     before, or take the times of `accuracy` anew.
@@ -88,14 +88,12 @@ def run_study(
     finally:
         if rows:
             show(name, rows, place / f"{stem}.csv")
-            _FINISH.get(name, lambda rows, folder: None)(rows, place)
+            _FINISH.get(name, lambda rows, path: None)(rows, place / f"{stem}.png")
     return int(any(not row.holds for row in rows))
 
 
 def _stem(name: str, quick: bool, chosen: Sequence[str] | None) -> str:
     """What the files of a study are called, so that no part of it overwrites the whole."""
-    if name not in _IN_PARTS:
-        return name
     for scene in chosen or ():
         known("scenes", scene, _IN_PARTS[name]())
     several = [f"{len(chosen)}_scenes"] if chosen and len(chosen) > 4 else [*(chosen or ())]

@@ -218,8 +218,8 @@ def by_peer(plan: Plan, peers: Peers, n: int, dtype: str) -> Iterator[Row]:
     return compare(peers, runner, case(n, dtype), n, dtype, plan.peer_rounds)
 
 
-def finish(rows: list[Row], folder: Path) -> None:
+def finish(rows: list[Row], path: Path) -> None:
     """Draw the throughput over the size."""
     from sph_gym.studies.picture import draw
 
-    print(f"plot: {draw(rows, folder / 'throughput.png')}")
+    print(f"plot: {draw(rows, path)}")

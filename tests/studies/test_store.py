@@ -26,6 +26,23 @@ def test_what_is_damaged_is_computed_again_with_a_warning(tmp_path, content):
     assert store.kept(path, "key", lambda: pytest.fail("computed twice")) == 7
 
 
+def test_a_run_of_another_key_or_shape_is_computed_again(tmp_path):
+    path = tmp_path / "run.json"
+    store.write(path, {"key": "another", "result": 1})
+    with pytest.warns(UserWarning, match="no run of key"):
+        assert store.kept(path, "key", lambda: 2) == 2
+    with pytest.warns(UserWarning, match="made anew"):
+        assert store.kept(path, "key", lambda: [3], lambda kept: kept == [3]) == [3]
+
+
+def test_a_probe_names_the_folder(tmp_path):
+    store.probe(tmp_path / "new")
+    assert list((tmp_path / "new").iterdir()) == []
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match=r"can't be written to.*file"):
+        store.probe(tmp_path / "file")
+
+
 def test_a_full_disk_is_named_and_nothing_half_is_left(tmp_path, monkeypatch):
     path, before = tmp_path / "run.json", Path.write_text
 

@@ -118,7 +118,7 @@ def at_rest(dx: float) -> Scene:
 
 
 def long_tank(dx: float, length: float) -> Scene:
-    """A shallow pool whose length is a multiple of nothing: its last column has more or less room."""
+    """A shallow pool of any length, so that its last column has more room or less."""
     x = lattice(0.0, length, 0.0, 4 * dx, dx)
     return tank(x, dx, length, 8 * dx, speed(8 * dx))
 

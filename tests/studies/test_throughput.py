@@ -72,7 +72,7 @@ def test_a_plot_is_drawn(tmp_path):
     ]
     rows.append(Row("throughput of Taichi", throughput.case(5000, "float64"), 2.0, ""))
     assert len(list(curves(rows))) == 5
-    throughput.finish(rows, tmp_path)
+    throughput.finish(rows, tmp_path / "throughput.png")
     assert (tmp_path / "throughput.png").stat().st_size > 10_000
 
 

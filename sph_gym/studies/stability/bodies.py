@@ -164,7 +164,8 @@ def cases() -> Iterator[Case]:
     yield body(
         "rotating square, clamped", partial(rotating, clamp=True), dx=0.05, kernel="cubic_spline"
     )
-    paired = partial(burst, clumping=PAIRED)
+    # while it bursts it pairs for some frames: the quick version must see the end too
+    paired = partial(burst, clumping=PAIRED, quick=100)
     yield paired("pairing, h/dx = 3.5", partial(wide, h=3.5), kernel="cubic_spline")
     for h, case in ((1.5, body), (2.0, body), (3.0, burst), (4.0, paired)):
         yield case(f"h/dx = {h:g}", partial(wide, h=h))

@@ -63,7 +63,7 @@ def _same(stored: Any, key: Any) -> bool:
 def is_record(kind: Any) -> Callable[[Any], bool]:
     """Whether a result is a list of the fields of a NamedTuple of numbers and words."""
     # JSON writes some floats as whole numbers, and takes True for a number of neither kind
-    legal = {int: {int}, float: {int, float}, str: {str}}
+    legal: dict[Any, set[Any]] = {int: {int}, float: {int, float}, str: {str}}
     types = [legal[own] for own in kind.__annotations__.values()]
 
     def fits(result: Any) -> bool:

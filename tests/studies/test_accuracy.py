@@ -62,11 +62,6 @@ def test_every_scene_with_a_reference_is_measured_but_those_at_rest_and_a_fall()
     }  # fmt: skip
 
 
-def test_an_unknown_scene_is_told_the_known_ones():
-    with pytest.raises(ValueError, match="expected one of elliptical_drop"):
-        problems.problem("lake")
-
-
 def test_a_setting_is_what_the_scene_then_has():
     setting = drop(
         width=3.0, step=0.5, sound=0.5, kernel="cubic_spline", density="continuity",
@@ -238,13 +233,6 @@ def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
     found = points.point(DROP, "controller", drop(controller="ppo"), tmp_path, repeats=1)
     assert not found.good
     assert found.cause == "its agent blew up"
-
-
-def test_agents_are_where_they_can_be():
-    assert policies.available("lookahead", "dam_break")
-    assert not policies.available("lookahead", "couette")
-    assert policies.available("tuned_cfl", "couette")
-    assert not policies.available("ppo", "couette")
 
 
 # --- the study ------------------------------------------------------------------------------

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from sph_gym.studies.accuracy import gains, plan, problems
+from sph_gym.studies.accuracy import gains, plan, policies, problems
 from sph_gym.studies.accuracy.settings import nominal
 
 DROP = replace(problems.problem("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
@@ -78,3 +78,15 @@ def test_a_gain_is_the_lower_median_of_all_resolutions():
     assert math.isnan(gains.gain(ladder, faster[:1], "interactions"))
     faster[0].good = False
     assert math.isnan(gains.gain(ladder, faster, "interactions"))
+
+
+def test_agents_are_where_they_can_be():
+    assert policies.available("lookahead", "dam_break")
+    assert not policies.available("lookahead", "couette")
+    assert policies.available("tuned_cfl", "couette")
+    assert not policies.available("ppo", "couette")
+
+
+def test_an_unknown_scene_is_told_the_known_ones():
+    with pytest.raises(ValueError, match="expected one of elliptical_drop"):
+        problems.problem("lake")

@@ -35,8 +35,8 @@ APART = 0.14
 # Largest over smallest error of an axis, at least.
 LEAST_RANGE = 8.0
 LUCK = (
-    "Luck apart: on the front, an error counts at least as much as those of finer runs of the "
-    "same settings."
+    "Luck apart: on the front are settings that were run at several resolutions, and an error "
+    "counts at least as much as those of finer runs of the same settings."
 )
 # Digits of the numbers on an axis, the fewest first.
 TICKS: tuple[tuple[float, ...], ...] = (
@@ -142,7 +142,7 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
     axes.set_yscale("log")
     axes.margins(0.1)
     widen(axes)
-    if start.good:
+    if start.good and scene.order is not None:
         _slopes(axes, start, cost)
     _mark_ends(axes, scene, ladder, cost)
 
@@ -177,7 +177,8 @@ def _name_controllers(axes: Any, turned: Sequence[Point], cost: str) -> None:
     for point in turned:
         axes.annotate(
             point.setting.controller.replace("_", " "), (value(point, cost), 100 * point.error),
-            xytext=(4, -9), textcoords="offset points", fontsize=6.5, color="#5A5000", zorder=5,
+            xytext=(18, -24), textcoords="offset points", fontsize=8, color="#5A5000", zorder=9,
+            arrowprops={"arrowstyle": "-", "color": "#5A5000", "lw": 0.6},
         )  # fmt: skip
 
 

@@ -111,7 +111,7 @@ _PROBLEMS = (
     Problem(
         "lid_driven_cavity", "size", (12, 16, 20, 28, 40), 20,
         "largest error of the mean profiles", "of U",
-        "First to second order down to half a percent, which is as far as the tables agree.",
+        "Between first and second order, until the tables' own digits are left.",
         # tables are read at one Reynolds number; speed and size only change the units
         order=0.7, widest=4.0,
     ),

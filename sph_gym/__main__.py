@@ -89,7 +89,9 @@ def _add_recommend(commands: Any) -> None:
     recommend.add_argument("scene", help="one that `study accuracy` has measured")
     wanted = recommend.add_mutually_exclusive_group(required=True)
     wanted.add_argument("--error", type=float, metavar="SHARE", help="such as 0.01 for 1 %%")
-    wanted.add_argument("--budget", metavar="TIME", help="wall clock, such as 10s, 500ms or 2min")
+    wanted.add_argument(
+        "--budget", metavar="TIME", help="processor time after compilation: 10s, 2min"
+    )
     recommend.add_argument(
         "--set", nargs="*", action="extend", default=[], metavar="NAME=VALUE",
         help="scene arguments but for dx",

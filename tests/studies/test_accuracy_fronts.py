@@ -13,6 +13,11 @@ class Run(NamedTuple):
     good: bool = True
 
 
+def worth(ladder, tried):
+    start = ladder[0]
+    return fronts.worth((start.error, tried.error), (start.wall, tried.wall), ladder, "wall")
+
+
 def line(order, sizes=(10, 20, 40, 80)):
     """Runs whose error goes as dx^order and whose time as dx^-3; the nominal one first."""
     runs = [Run(1e-3 * n**3, n**-order) for n in sizes]
@@ -46,15 +51,14 @@ def test_no_elasticity_without_a_change_of_time():
 @pytest.mark.parametrize("order", [1, 2])
 def test_resolution_alone_buys_nothing(order):
     runs = line(order)
-    assert [fronts.worth(runs, run, "wall") for run in runs] == pytest.approx([1.0] * 4)
+    assert [worth(runs, run) for run in runs] == pytest.approx([1.0] * 4)
 
 
 def test_worth_is_time_at_equal_error():
     runs = line(1.0)
     start = runs[0]
-    assert fronts.worth(runs, start._replace(wall=start.wall / 3), "wall") == pytest.approx(3)
-    assert fronts.worth(runs, start._replace(error=start.error / 2), "wall") == pytest.approx(8)
-    assert math.isnan(fronts.worth(runs, Run(1, math.nan, False), "wall"))
+    assert worth(runs, start._replace(wall=start.wall / 3)) == pytest.approx(3)
+    assert worth(runs, start._replace(error=start.error / 2)) == pytest.approx(8)
 
 
 def test_errors_that_do_not_fall_are_traded_with_care():
@@ -64,9 +68,19 @@ def test_errors_that_do_not_fall_are_traded_with_care():
     assert fronts.trade(line(9), "wall") == fronts.FLATTEST
 
 
+def test_errors_within_the_scatter_of_a_flat_ladder_are_equal():
+    ladder = [Run(8, 0.036), Run(1, 0.039), Run(64, 0.037)]
+    assert fronts.flat(ladder, "wall")
+    assert not fronts.flat(line(0.5), "wall")
+    assert worth(ladder, Run(4, 0.001)) == pytest.approx(2)
+    assert worth(ladder, Run(4, 0.0389)) == pytest.approx(2)
+    assert worth(ladder, Run(4, 0.078)) == pytest.approx(2 * 2.0**fronts.STEEPEST)
+
+
 def test_the_gain_is_against_the_first_run():
-    assert fronts.gain([Run(8, 1.0), Run(2, 1.0), Run(1, 1.1)]) == 4
-    assert math.isnan(fronts.gain([Run(8, 1.0, False), Run(2, 1.0)]))
+    runs = [Run(8, 1.0), Run(2, 1.0), Run(1, 1.1)]
+    assert fronts.gain(runs[0], runs, "wall") == 4
+    assert math.isnan(fronts.gain(Run(8, 1.0, False), runs, "wall"))
 
 
 @pytest.mark.parametrize("ends", [(0.011, 0.9), (1.2, 2.9), (3e5, 2e9), (0.97, 1.6), (0.1, 9)])

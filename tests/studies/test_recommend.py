@@ -67,6 +67,8 @@ def test_more_error_than_was_measured_takes_the_coarsest(table):
         ({"error": 0.01, "budget": 1.0}, "expected one of the two"),
         ({"error": 0.01, "arguments": {"dx": 0.1}}, "expected one of radius, rate"),
         ({"error": 0.01, "arguments": {"depth": 0.1}}, "expected one of radius, rate"),
+        ({"error": 0.01, "arguments": {"radius": "abc"}}, "radius: expected a number, got 'abc'"),
+        ({"error": 0.01, "arguments": {"radius": 0}}, "radius: expected a number above 0"),
     ],
 )
 def test_wrong_wishes_are_told_what_was_expected(table, wanted, said):
@@ -118,8 +120,8 @@ def test_promises_fall_with_resolution(table):
 
 
 def test_what_is_told_can_be_set(table):
-    told = dict(telling.describe(advise(table, error=0.01, arguments={"radius": 0.5})))
-    assert told["dx"].startswith("0.025 m (radius / 20)")
+    told = dict(telling.describe(advise(table, error=0.01)))
+    assert told["dx"].startswith("0.05 m (radius / 20)")
     assert told["h / dx"] == "3.4"
     assert told["precision"] == "float32"
     assert told["expected error"].startswith("1 %")
@@ -139,7 +141,40 @@ def test_the_program_runs_what_was_recommended(tmp_path, changes):
     assert found == execute(DROP, advice.choice.setting).error
 
 
+def test_another_case_corrects_what_is_promised():
+    [line] = recommend.fit(samples())
+    probed = []
+
+    def probe(setting):
+        probed.append(setting.across)
+        return 3 * 0.02, 2 * 100.0 * 10**3
+
+    better = recommend.corrected(line, probe)
+    assert probed == [10]
+    assert better.promised == pytest.approx(3 * line.promised)
+    assert better.effort == pytest.approx(2 * line.effort)
+    lucky = recommend.corrected(line, lambda setting: (1e-4, line.effort[0]))
+    assert lucky.promised == pytest.approx(line.promised)
+    assert recommend.corrected(line, lambda setting: (math.nan, 1.0)) is None
+
+
+def test_the_choice_is_made_anew_until_it_is_corrected():
+    lines = recommend.fit([*samples(), *samples(1 / 3, dtype="float32")])
+
+    def probe(setting):
+        return (0.2 if setting.dtype == "float32" else 0.02), 100.0 * 10**3
+
+    def choose(lines):
+        return recommend.for_error(lines, 0.01)
+
+    choice, _ = recommend.settle(lines, choose, probe)
+    assert choice.setting == nominal(DROP, 20)
+    assert recommend.settle(lines, choose, lambda setting: (math.nan, 1.0)) == (None, [])
+
+
 def test_no_table_is_told_of(tmp_path, table):
+    with pytest.raises(ValueError, match="table: expected a file of samples, got"):
+        advise(tmp_path / "missing.csv", error=0.01)
     path = tmp_path / "other.csv"
     path.write_text("a,b\n1,2\n")
     with pytest.raises(ValueError, match="no table of samples"):

@@ -5,12 +5,14 @@ from functools import cache
 import numpy as np
 
 from sph_gym import scenes
-from sph_gym.studies.timing import Runner
+from sph_gym.studies.timing import Runner, own_clock
 
 # Fluid particles of the dam break, and particle-steps of one timed call.
 SIZE, WORK = 1000, 200_000
-# Seconds that a careful measurement takes; one beside a run of the study is a single call.
-CAREFUL = 2.0
+# Seconds that a measurement takes: a careful one, and one beside a run of the study.
+CAREFUL, BRIEF = 2.0, 0.1
+# Particle-steps per second of the machine on which processor times are told.
+STANDARD = 1e7
 
 
 @cache
@@ -21,9 +23,12 @@ def _runner() -> Runner:
     return runner
 
 
-def rate(seconds: float = 0.0) -> float:
-    """Particle-steps per second on one pinned thread: the median of calls for so many seconds."""
-    runner, steps = _runner(), list[float]()
+def rate(seconds: float = BRIEF) -> float:
+    """Particle-steps per second of the processor time of one pinned thread.
+
+    The median of calls for so many seconds.
+    """
+    runner, clock, steps = _runner(), own_clock(), list[float]()
     while not steps or sum(steps) * runner.n_steps < seconds:
-        steps.append(runner.seconds())
+        steps.append(runner.seconds(clock))
     return runner.sim.n_particles / float(np.median(steps))

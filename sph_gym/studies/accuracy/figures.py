@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.studies.accuracy import fronts
+from sph_gym.studies.accuracy import fronts, gains
 from sph_gym.studies.accuracy.plan import COMBINED, knobs, rungs
 from sph_gym.studies.accuracy.points import Point, sober
 from sph_gym.studies.accuracy.problems import Problem
@@ -35,8 +35,8 @@ APART = 0.14
 # Largest over smallest error of an axis, at least.
 LEAST_RANGE = 8.0
 LUCK = (
-    "Luck apart: on the front, an error counts at least as much as those of finer runs of the "
-    "same settings."
+    "Luck apart: on the front are settings that were run at several resolutions, and an error "
+    "counts at least as much as those of finer runs of the same settings."
 )
 # Digits of the numbers on an axis, the fewest first.
 TICKS: tuple[tuple[float, ...], ...] = (
@@ -45,7 +45,7 @@ TICKS: tuple[tuple[float, ...], ...] = (
 )  # fmt: skip
 # Cost and its label, of the two panels.
 PANELS = (
-    ("cost", "wall seconds per simulated second"),
+    ("cost", "processor seconds per simulated second, one thread"),
     ("pairs", "pair interactions per simulated second"),
 )
 
@@ -99,9 +99,9 @@ def _title(scene: Problem) -> str:
 
 def _conclusion(scene: Problem, points: Sequence[Point]) -> str:
     """What the diagram shows, in one line."""
-    gain = fronts.gain(sober(points))
+    gain = gains.headline(points, sober(points), "cost")
     if not math.isfinite(gain):
-        return "no setting reaches the nominal error"
+        return "Errors hardly depend on resolution, so that there is no gain at equal error."
     return (
         f"At the nominal error ({100 * points[0].error:.2g} %) the best combination is "
         f"{gain:.1f} times as fast as the scene's own settings."
@@ -115,10 +115,12 @@ def value(point: Point, cost: str) -> float:
 
 def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -> None:
     ladder = sorted((p for p in rungs(points) if p.good), key=lambda p: p.dx)
-    combined = [p for p in points if p.knob == COMBINED and p.good]
+    across = points[0].setting.across
+    combined = [p for p in points if p.knob not in ("nominal", "resolution") and p.good]
+    combined = [p for p in combined if p.knob == COMBINED or p.setting.across != across]
     axes.plot(
         [value(p, cost) for p in combined], [100 * p.error for p in combined], ".",
-        color="#999999", markersize=6, label="several knobs at once",
+        color="#999999", markersize=6, label="other runs",
     )  # fmt: skip
     best = fronts.front(sober(points), "cost" if cost == "cost" else "interactions")
     axes.plot(
@@ -140,7 +142,7 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
     axes.set_yscale("log")
     axes.margins(0.1)
     widen(axes)
-    if start.good:
+    if start.good and scene.order is not None:
         _slopes(axes, start, cost)
     _mark_ends(axes, scene, ladder, cost)
 
@@ -152,7 +154,8 @@ def _draw_arms(axes: Any, points: Sequence[Point], cost: str) -> None:
         if knob not in STYLES:
             continue
         colour, marker, label = STYLES[knob]
-        turned = [p for p in points if p.knob == knob and p.good]
+        across = start.setting.across
+        turned = [p for p in points if p.knob == knob and p.good and p.setting.across == across]
         if not turned:
             continue
         places = [(value(p, cost), 100 * p.error) for p in turned]
@@ -174,7 +177,8 @@ def _name_controllers(axes: Any, turned: Sequence[Point], cost: str) -> None:
     for point in turned:
         axes.annotate(
             point.setting.controller.replace("_", " "), (value(point, cost), 100 * point.error),
-            xytext=(4, -9), textcoords="offset points", fontsize=6.5, color="#5A5000", zorder=5,
+            xytext=(18, -24), textcoords="offset points", fontsize=8, color="#5A5000", zorder=9,
+            arrowprops={"arrowstyle": "-", "color": "#5A5000", "lw": 0.6},
         )  # fmt: skip
 
 
@@ -269,7 +273,7 @@ def _explain(figure: Any, scene: Problem, best: Sequence[Point]) -> None:
     numbered = _numbered(best)
     half = -(-len(numbered) // 2)
     for k, point in enumerate(numbered):
-        text = f"{k + 1}  {100 * point.error:.2g} %, {point.wall:.2g} s: {_name(scene, point)}"
+        text = f"{k + 1}  {100 * point.error:.2g} %, {point.time:.2g} s: {_name(scene, point)}"
         figure.text(0.07 + 0.46 * (k // half), 0.2 - 0.028 * (k % half), text, fontsize=8.5)
     note = textwrap.fill(scene.note + " " + LUCK, 160)
     figure.text(0.07, 0.035, note, fontsize=9, style="italic", color="#333333", linespacing=1.5)

@@ -11,6 +11,8 @@ import numpy as np
 STEEPEST, FLATTEST = -6.0, -1.0
 # A knob that changes the time by less than this factor has no elasticity.
 NOTICED = 1.2
+# Of convergence: below it, errors differ by chance rather than by resolution.
+LEAST_ORDER = 0.3
 TARGETS = (0.05, 0.02, 0.01, 0.005)
 
 
@@ -24,14 +26,6 @@ class Known(Protocol):
     @property
     def good(self) -> bool:
         """Whether the error is one."""
-
-
-class Timed(Known, Protocol):
-    """One with a time."""
-
-    @property
-    def wall(self) -> float:
-        """Seconds."""
 
 
 Run = TypeVar("Run", bound=Known)
@@ -82,17 +76,26 @@ def trade(ladder: Sequence[Known], cost: str) -> float:
     return min(max(slope, STEEPEST), FLATTEST)
 
 
-def worth(ladder: Sequence[Known], tried: Known, cost: str) -> float:
+def flat(ladder: Sequence[Known], cost: str) -> bool:
+    """Whether errors hardly fall along a sweep of resolutions, the cost going as dx^-3."""
+    good = [run for run in ladder if run.good]
+    slope = fit([getattr(run, cost) for run in good], [run.error for run in good]).slope
+    return not -3 * slope >= LEAST_ORDER
+
+
+def worth(
+    errors: tuple[float, float], costs: tuple[float, float], ladder: Sequence[Known], cost: str
+) -> float:
     """How many times faster a run is than the nominal settings would be at its error.
 
-    ladder: the nominal run first, then the same at other resolutions, which tell what the
-    difference of the errors would have cost. NaN for a run without an error.
+    errors, costs: of the nominal settings and of the run, at one resolution; ladder: the nominal
+    ones at all, which tell what the difference of the errors would have cost. Where they don't
+    fall, errors within their scatter are equal.
     """
-    start = ladder[0]
-    if not (tried.good and start.good):
-        return math.nan
-    at_equal_error = (tried.error / start.error) ** trade(ladder, cost)
-    return float(at_equal_error * getattr(start, cost) / getattr(tried, cost))
+    ratio = errors[1] / errors[0]
+    if flat(ladder, cost):
+        ratio = max(errors[1] / max(run.error for run in ladder if run.good), 1.0)
+    return float(ratio ** trade(ladder, cost) * costs[0] / costs[1])
 
 
 def elasticity(runs: Sequence[Known], cost: str) -> float:
@@ -104,9 +107,9 @@ def elasticity(runs: Sequence[Known], cost: str) -> float:
     return fit(costs, [run.error for run in good]).slope
 
 
-def gain(runs: Sequence[Timed]) -> float:
-    """Wall clock of the first run / the least of those with at most its error; NaN without one."""
-    if not runs[0].good:
+def gain(start: Known, runs: Iterable[Known], cost: str) -> float:
+    """Cost of a run / the least of those with at most its error; NaN without one."""
+    if not start.good:
         return math.nan
-    found = cheapest(runs, runs[0].error, "wall")
-    return math.nan if found is None else runs[0].wall / found.wall
+    found = cheapest(runs, start.error, cost)
+    return math.nan if found is None else float(getattr(start, cost) / getattr(found, cost))

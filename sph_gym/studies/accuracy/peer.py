@@ -70,16 +70,20 @@ def rows(peers: Peers, points: Sequence[Point], folder: Path) -> Iterator[Row]:
         for found in theirs:
             case = f"{scene}, {found.across} across"
             yield Row(f"error of {NAME}", case, 100 * found.error, "%")
-            yield Row(f"seconds of {NAME}", case, found.wall, "s")
+            yield Row(f"processor seconds of {NAME}", case, found.own, "s")
+            yield Row(f"wall seconds of {NAME}", case, found.wall, "s")
         yield from compare(scene, ours, theirs)
 
 
 def compare(scene: str, ours: Sequence[Point], theirs: Sequence[Found]) -> Iterator[Row]:
-    """Our cheapest run against their time at its error: of the drop 1 %, else their own best."""
-    bounded = scene == "elliptical_drop"
+    """Our cheapest run against their processor time at its error: of the drop 1 %, else their best.
+
+    Ours are lines at their resolutions, so that luck doesn't count.
+    """
+    bounded, lines = scene == "elliptical_drop", sober(ours)
     target = TARGET if bounded else min(found.error for found in theirs)
-    for clock, what in (("wall", ""), ("own", ", by processor time")):
-        mine = fronts.cheapest(sober(ours), target, clock)
+    for clock, what in (("own", ""), ("wall", ", by wall clock")):
+        mine = fronts.cheapest(lines, target, clock)
         seconds = at_least(theirs, target, clock)
         ratio = math.nan if mine is None else seconds / getattr(mine, clock)
         quantity = f"times as fast as {NAME} at equal error{what}"

@@ -2,18 +2,20 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import KERNELS
 from sph_gym.solver.simulation import DTYPES
-from sph_gym.studies.accuracy.fronts import Known, worth
-from sph_gym.studies.accuracy.policies import available
+from sph_gym.studies.accuracy.gains import Tried, Turned, gain
+from sph_gym.studies.accuracy.policies import RULES, available
 from sph_gym.studies.accuracy.problems import Problem, names
-from sph_gym.studies.accuracy.settings import DENSITIES, Setting, nominal
+from sph_gym.studies.accuracy.settings import DENSITIES, FIXED, Setting, nominal
 
 # Beyond this h / dx nobody goes: 50 neighbours.
 WIDEST = 5.0
+# At how many resolutions the knobs are turned: the nominal one and the next coarser.
+TURNED = 3
 # Knobs whose values are numbers, for which an elasticity makes sense; runs of several at once.
 NUMBERS = ("resolution", "width", "step", "sound", "xsph")
 COMBINED = "combined"
@@ -67,18 +69,28 @@ def middle(plan: Plan, problem: Problem) -> int:
     return min(problem.nominal, sizes(plan, problem)[-1])
 
 
+def turned(plan: Plan, problem: Problem) -> list[int]:
+    """Resolutions at which the knobs are turned, the nominal one first."""
+    return [n for n in reversed(sizes(plan, problem)) if n <= middle(plan, problem)][:TURNED]
+
+
 def sweeps(plan: Plan, problem: Problem) -> Iterator[tuple[str, Setting]]:
-    """Knob and setting of every run in which one knob alone is turned; the nominal run first."""
+    """Knob and setting of every run in which one knob alone is turned; the nominal run first.
+
+    At the coarser resolutions, only knobs whose runs cost no search and no training.
+    """
     start = nominal(problem, middle(plan, problem))
     yield "nominal", start
     for across in sizes(plan, problem):
         if across != start.across:
             yield "resolution", start._replace(across=across)
-    for knob, values in _values(plan, problem, start).items():
-        for value in values:
-            turned = start._replace(**{knob: value})  # type: ignore[arg-type]
-            if turned != start:
-                yield knob, turned
+    for across in turned(plan, problem):
+        for knob, values in _values(plan, problem, start).items():
+            for value in values:
+                bold = start._replace(**{"across": across, knob: value})  # type: ignore[arg-type]
+                agent = bold.controller not in (FIXED, *RULES)
+                if bold.line != start.line and not (agent and across != start.across):
+                    yield knob, bold
 
 
 def _values(plan: Plan, problem: Problem, start: Setting) -> dict[str, Iterable[float | str]]:
@@ -100,7 +112,7 @@ def _values(plan: Plan, problem: Problem, start: Setting) -> dict[str, Iterable[
     }
 
 
-def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Known]) -> Iterator[Setting]:
+def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> Iterator[Setting]:
     """Settings, at no resolution, that are run at all resolutions besides the nominal one.
 
     One knob after the other takes the value that buys most by itself, by deterministic work and
@@ -108,29 +120,33 @@ def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Known]) -> Itera
     well at every resolution. found: the runs so far, to which those of a line have been added
     when the next one is asked for.
     """
-    turned = list(sweeps(plan, problem))
-    start = turned[0][1]
-    nominal_line = [found[s] for knob, s in turned if knob in ("nominal", "resolution")]
+    swept = list(sweeps(plan, problem))
+    start = swept[0][1]
+    nominal_line = [found[s] for knob, s in swept if knob in ("nominal", "resolution")]
     present, best = start, 1.0
     for knob in CHAIN if plan.chain else ():
-        tried = [s for name, s in turned if name == knob and s.step <= LONGEST]
-        gains = {getattr(s, knob): _gain(nominal_line, found[s], knob) for s in tried}
+        tried: dict[Any, list[Tried]] = {}
+        for name, s in swept:
+            if name == knob and s.step <= LONGEST:
+                tried.setdefault(getattr(s, knob), []).append(found[s])
+        gains = {value: _gain(nominal_line, runs, knob) for value, runs in tried.items()}
         value = max(gains, key=lambda value: gains[value], default=None)
         if value is None or gains[value] < WORTHWHILE:
             continue
         bold = present._replace(**{knob: value})
         yield bold.line
-        gain = _gain(nominal_line, found[bold], "dtype" if bold.dtype != start.dtype else "")
-        if gain > best and all(found[s].good for s in ladder(plan, problem, bold.line)):
-            present, best = bold, gain
+        runs = [found[s] for s in ladder(plan, problem, bold.line)]
+        bought = _gain(nominal_line, runs, "dtype" if bold.dtype != start.dtype else "")
+        if bought > best:
+            present, best = bold, bought
     if plan.chain and "tuned_cfl" in plan.controllers:
         yield start.line._replace(dtype=present.dtype, controller="tuned_cfl")
 
 
-def _gain(nominal_line: list[Known], tried: Known, knob: str) -> float:
-    gain = worth(nominal_line, tried, "interactions")
+def _gain(nominal_line: Sequence[Tried], runs: Sequence[Tried], knob: str) -> float:
+    bought = gain(nominal_line, runs, "interactions")
     # half the bytes take about two thirds of the time, which no count of pairs tells
-    return gain * (1.3 if knob == "dtype" else 1.0) if math.isfinite(gain) else 0.0
+    return bought * (1.3 if knob == "dtype" else 1.0) if math.isfinite(bought) else 0.0
 
 
 def ladder(plan: Plan, problem: Problem, line: Setting) -> list[Setting]:
@@ -139,14 +155,6 @@ def ladder(plan: Plan, problem: Problem, line: Setting) -> list[Setting]:
 
 
 # --- Finding one's way in the points --------------------------------------------------------
-
-
-class Turned(Known, Protocol):
-    """A run that knows which knob was turned."""
-
-    @property
-    def knob(self) -> str:
-        """Its name."""
 
 
 Run = TypeVar("Run", bound=Turned)

@@ -9,7 +9,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,13 +19,15 @@ import sph_gym
 from sph_gym.solver.jit import source_hash
 from sph_gym.studies import machine
 from sph_gym.studies.accuracy import policies
-from sph_gym.studies.accuracy.benchmark import rate
+from sph_gym.studies.accuracy.benchmark import STANDARD, rate
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.running import Outcome, execute
 from sph_gym.studies.accuracy.settings import Setting, build
 
 # What is short is run more often, up to so much time [s] and so many runs.
-PATIENCE, MOST = 0.5, 7
+PATIENCE, MOST = 0.3, 5
+# Resolutions that a line has at least.
+FEWEST = 3
 # An error above this is none that a diagram could show: 1000 %.
 ABSURD = 10.0
 # Of an agent that doesn't get to the end of its own episode.
@@ -38,9 +40,10 @@ class Point(NamedTuple):
     knob: which one was turned; error: share of what the problem says, nan after a blow-up; cause:
     of the blow-up; seconds: of physical time; particles: fluid and wall; substeps, interactions:
     steps and pairs (i, j) of their force evaluations; wall, own: median seconds of the whole run
-    on the wall and of the thread; rate: of the benchmark at that time [particle-steps/s]; runs:
-    of which these are medians, spread: the range of their wall clocks / the median; differing:
-    runs whose error differed, which should be none.
+    on the wall and of the thread's processor time; rate: of the benchmark right before and after
+    [particle-steps/s]; effort: median of own times rate, the particle-steps of the benchmark that
+    take as long; runs: of which these are medians, spread: the range of their efforts / the
+    median; differing: runs whose error differed, which should be none.
     """
 
     scene: str
@@ -56,25 +59,26 @@ class Point(NamedTuple):
     wall: float
     own: float
     rate: float
+    effort: float
     runs: int
     spread: float
     differing: int
     key: str
 
     @property
+    def time(self) -> float:
+        """Processor seconds of the whole run, one thread, on a machine of the standard rate."""
+        return self.effort / STANDARD
+
+    @property
     def cost(self) -> float:
-        """Wall seconds per simulated second."""
-        return self.wall / self.seconds
+        """The same per simulated second."""
+        return self.time / self.seconds
 
     @property
     def particle_steps(self) -> float:
         """Per simulated second."""
         return self.particles * self.substeps / self.seconds
-
-    @property
-    def effort(self) -> float:
-        """Wall clock of the whole run in particle-steps of the benchmark: without the machine."""
-        return self.wall * self.rate
 
     @property
     def good(self) -> bool:
@@ -83,20 +87,27 @@ class Point(NamedTuple):
 
 
 def sober(points: Sequence[Point]) -> list[Point]:
-    """The same, but for luck: nobody's error is smaller than that of finer runs of its settings.
+    """Those on lines, and no error smaller than that of finer runs of the same line.
 
-    An error that crosses zero is tiny for a moment, which says nothing of its neighbours.
+    A line is one setting at several resolutions, at none of which it blew up. An error that
+    crosses zero is tiny for a moment, which says nothing of its neighbours; a single run can't
+    be told from such a moment.
     """
-    worst: dict[Setting, list[Point]] = {}
+    lines: dict[Setting, list[Point]] = {}
     for found in points:
-        if found.good:
-            worst.setdefault(found.setting.line, []).append(found)
-    return [_no_better(found, worst.get(found.setting.line, [])) for found in points]
+        lines.setdefault(found.setting.line, []).append(found)
+    kept = {line for line, runs in lines.items() if _whole(runs)}
+    return [_no_better(p, lines[p.setting.line]) for p in points if p.setting.line in kept]
+
+
+def _whole(runs: Sequence[Point]) -> bool:
+    sizes = {found.setting.across for found in runs}
+    return len(sizes) >= FEWEST and all(found.good for found in runs)
 
 
 def _no_better(found: Point, alike: Sequence[Point]) -> Point:
     finer = [other.error for other in alike if other.setting.across >= found.setting.across]
-    return found._replace(error=max(finer)) if found.good else found
+    return found._replace(error=max(finer))
 
 
 # --- On disk --------------------------------------------------------------------------------
@@ -120,6 +131,8 @@ def sources(agents: bool = False) -> str:
 def manifest(problem: Problem, setting: Setting, other: bool) -> dict[str, Any]:
     """All that the error of a point depends on."""
     agents = policies.needs_schedule(setting.controller)
+    network = policies.network(setting.controller, problem.scene)
+    learned = setting.controller in policies.LEARNED and network.is_file()
     return {
         "scene": problem.scene,
         "arguments": problem.given(other),
@@ -128,6 +141,7 @@ def manifest(problem: Problem, setting: Setting, other: bool) -> dict[str, Any]:
         "joined": problem.joined,
         "setting": setting._asdict(),
         "sources": sources(agents),
+        "network": hashlib.sha256(network.read_bytes()).hexdigest()[:16] if learned else "",
         "versions": machine.describe(),
     }
 
@@ -164,13 +178,14 @@ def point(
     record, times = folder / "points" / f"{key}.json", folder / "times" / f"{key}.json"
     played = _schedule(problem, setting, other, folder, key)
     taken: dict[str, Any] = {"wall": [], "own": [], "rate": [], "differing": 0}
+    _run = partial(_run_once, problem, setting, other, played, record, taken, facts)
     if not record.exists():
-        _run_once(problem, setting, other, played, record, taken, facts)
+        _run()
     elif times.exists() and not again:
         taken = json.loads(times.read_text())
     found = json.loads(record.read_text())
     while not _enough(found, taken, repeats):
-        _run_once(problem, setting, other, played, record, taken, facts)
+        _run()
         save(times, taken)
     if not times.exists():
         save(times, taken)
@@ -182,7 +197,7 @@ def _enough(found: dict[str, Any], taken: dict[str, Any], repeats: int) -> bool:
     n = len(taken["wall"])
     if found["outcome"]["cause"] or n >= MOST:
         return True
-    return n >= repeats and sum(taken["wall"]) >= PATIENCE
+    return n >= repeats and sum(taken["own"]) >= PATIENCE
 
 
 def _run_once(
@@ -196,18 +211,20 @@ def _run_once(
 ) -> None:
     """Run, and enter the time; the first run writes the record, later ones must agree with it."""
     if played is not None and not played:
-        outcome = LOST._asdict()
+        outcome, rates = LOST._asdict(), [math.nan]
     else:
+        before = rate()
         outcome = execute(problem, setting, other, played)._asdict()
+        rates = [before, rate()]
     times = {name: outcome.pop(name) for name in ("wall", "own")}
     if record.exists():
-        before = json.loads(record.read_text())["outcome"]["error"]
-        taken["differing"] += json.dumps(before) != json.dumps(outcome["error"])
+        kept = json.loads(record.read_text())["outcome"]["error"]
+        taken["differing"] += json.dumps(kept) != json.dumps(outcome["error"])
     else:
         save(record, {"hash": record.stem, **facts, "outcome": outcome})
     for name, value in times.items():
         taken[name].append(value)
-    taken["rate"].append(rate())
+    taken["rate"].append(float(np.mean(rates)))
 
 
 def _schedule(
@@ -245,12 +262,15 @@ def _point(
     other: bool,
 ) -> Point:
     outcome = found["outcome"]
-    wall, own, rate_then = (
-        float(np.median(taken[name] or [math.nan])) for name in ("wall", "own", "rate")
+    efforts = np.multiply(taken["own"], taken["rate"])
+    wall, own, rate_then, effort = (
+        float(np.median(values)) if len(values) else math.nan
+        for values in (taken["wall"], taken["own"], taken["rate"], efforts)
     )
+    spread = float(np.ptp(efforts)) / effort if len(efforts) else 0.0
     return Point(
         problem.scene, knob, setting, problem.metres(other) / setting.across, outcome["error"],
         outcome["cause"], outcome["seconds"], outcome["particles"], outcome["substeps"],
-        outcome["interactions"], wall, own, rate_then, len(taken["wall"]),
-        float(np.ptp(taken["wall"] or [0.0])) / wall, taken["differing"], key,
+        outcome["interactions"], wall, own, rate_then, effort, len(taken["wall"]),
+        spread, taken["differing"], key,
     )  # fmt: skip

@@ -8,7 +8,7 @@ one been missing: a lucky run promises nothing.
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -20,16 +20,18 @@ from numpy.typing import NDArray
 from sph_gym import scenes
 from sph_gym.solver.checks import known, positive
 from sph_gym.studies.accuracy.benchmark import CAREFUL, rate
+from sph_gym.studies.accuracy.points import FEWEST
 from sph_gym.studies.accuracy.policies import RULES
 from sph_gym.studies.accuracy.problems import Problem, problem
+from sph_gym.studies.accuracy.running import execute
 from sph_gym.studies.accuracy.settings import FIXED, Setting
 
 Array = NDArray[np.float64]
 COLUMNS = ("scene", *Setting._fields, "error", "effort")
-# Resolutions that a line must have.
-FEWEST = 3
 # Of an error that is asked for.
 ROUNDING = 1e-9
+# Runs of which a probe takes the median time.
+PROBES = 3
 UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -43,12 +45,16 @@ class Sample(NamedTuple):
 
 
 class Line(NamedTuple):
-    """One choice of the knobs: particles across, what is promised there, and the effort."""
+    """One choice of the knobs: particles across, what is promised there, and the effort.
+
+    error: the largest that was measured, at the coarsest or any finer resolution.
+    """
 
     setting: Setting
     across: Array
     promised: Array
     effort: Array
+    error: float
 
     def at(self, across: int) -> "Choice":
         """Between the measured resolutions, on logarithmic scales."""
@@ -92,7 +98,10 @@ def _line(group: Sequence[Sample]) -> Line:
     across = np.array([sample.setting.across for sample in group], float)
     errors = np.array([sample.error for sample in group])
     effort = np.array([sample.effort for sample in group])
-    return Line(group[0].setting.line, across, doubt(across, errors) * envelope(errors), effort)
+    worst = envelope(errors)
+    return Line(
+        group[0].setting.line, across, doubt(across, errors) * worst, effort, float(worst[0])
+    )
 
 
 def envelope(errors: Array) -> Array:
@@ -126,8 +135,57 @@ def for_effort(lines: Sequence[Line], effort: float) -> Choice | None:
     return min(within, key=lambda choice: (choice.error, choice.effort), default=None)
 
 
+# Runs a setting of a case: its error, NaN after a blow-up, and its effort.
+Probe = Callable[[Setting], tuple[float, float]]
+
+
+def corrected(line: Line, probe: Probe) -> Line | None:
+    """A line in a case that it wasn't fitted to, by a run of its coarsest setting there.
+
+    Promises grow by measured / expected error, and never shrink, since one small error may be
+    luck; efforts change by measured / expected effort. None if that run blows up.
+    """
+    error, effort = probe(line.setting._replace(across=int(line.across[0])))
+    if not error > 0:
+        return None
+    factor = max(error / line.error, 1.0)
+    return line._replace(
+        promised=factor * line.promised, effort=effort / line.effort[0] * line.effort
+    )
+
+
+def settle(
+    lines: Sequence[Line], choose: Callable[[Sequence[Line]], Choice | None], probe: Probe
+) -> tuple[Choice | None, list[Line]]:
+    """The choice among lines of which the chosen one is corrected for the case, and all lines."""
+    waiting, done = {line.setting: line for line in lines}, dict[Setting, Line]()
+    while True:
+        known_now = [*waiting.values(), *done.values()]
+        choice = choose(known_now)
+        if choice is None or choice.setting.line in done:
+            return choice, known_now
+        line = waiting.pop(choice.setting.line)
+        better = corrected(line, probe)
+        if better is not None:
+            done[line.setting] = better
+
+
+def _probe(case: Problem) -> Probe:
+    """Runs of a user's case; the time is the median of a few, each beside the benchmark."""
+
+    def run(setting: Setting) -> tuple[float, float]:
+        before, efforts = rate(), list[float]()
+        for _ in range(PROBES):
+            outcome = execute(case, setting)
+            before, between = rate(), before
+            efforts.append(outcome.own * (before + between) / 2)
+        return outcome.error, float(np.median(efforts))
+
+    return run
+
+
 class Advice(NamedTuple):
-    """What `recommend` answers; seconds: expected wall clock of the whole run, on one thread."""
+    """What `recommend` answers; seconds: expected processor time of the run, on one thread."""
 
     problem: Problem
     choice: Choice
@@ -144,7 +202,8 @@ def advise(
 ) -> Advice:
     """Settings for a scene, for an error (a share) or a budget [s], whichever is given.
 
-    arguments: of the scene; table: of samples, by default the one that comes with the package;
+    arguments: of the scene, in which the coarsest setting of what would be advised is run first,
+    to correct what it promises; table: of samples, by default the one that comes with the package;
     speed: of this machine [benchmark particle-steps/s], measured if it isn't given. Raises
     ValueError for an unknown scene or argument, if not exactly one of error and budget is given,
     and for an error or a budget below what was measured, with the range.
@@ -161,26 +220,47 @@ def advise(
     if not lines:
         raise ValueError(f"table: expected a line of {FEWEST} resolutions of {scene}, got none")
     speed = rate(CAREFUL) if speed is None else speed
-    if error is not None:
-        choice = for_error(lines, error) or _too_small("error", scene, error, lines, 1.0)
-    else:
+
+    def choose(lines: Sequence[Line]) -> Choice | None:
+        if error is not None:
+            return for_error(lines, error)
         assert budget is not None
-        effort = budget * speed
-        choice = for_effort(lines, effort) or _too_small("budget", scene, budget, lines, speed)
+        return for_effort(lines, budget * speed)
+
+    choice = choose(lines)
+    if arguments:
+        choice, lines = settle(lines, choose, _probe(found))
+    if choice is None:
+        asked = ("error", error, 1.0) if error is not None else ("budget", budget, speed)
+        raise _too_small(scene, lines, *asked)
     return Advice(found, choice, choice.effort / speed)
 
 
 def _checked(scene: str, arguments: dict[str, Any]) -> dict[str, Any]:
-    for name in arguments:
-        known(f"argument of {scene}", name, [n for n in scenes.parameters(scene) if n != "dx"])
+    """The arguments, if they are such and the scene can be built with them."""
+    given = scenes.parameters(scene)
+    for name, value in arguments.items():
+        known(f"argument of {scene}", name, [n for n in given if n != "dx"])
+        expected = float if isinstance(given[name], int | float) else type(given[name])
+        if expected is float and (isinstance(value, bool) or not isinstance(value, int | float)):
+            raise ValueError(f"{name}: expected a number, got {value!r}")
+        if expected is str and not isinstance(value, str):
+            raise ValueError(f"{name}: expected a name, got {value!r}")
+    length = problem(scene).length
+    if length in arguments:
+        positive(length, arguments[length])
     return arguments
 
 
-def _too_small(name: str, scene: str, value: float, lines: Sequence[Line], speed: float) -> Choice:
+def _too_small(
+    scene: str, lines: Sequence[Line], name: str, value: float | None, speed: float
+) -> ValueError:
+    if not lines:
+        return ValueError(f"{scene}: expected a case that holds out, but all settings blow up")
     ends = [choice for line in lines for choice in (line.at(int(line.across[k])) for k in (0, -1))]
     known_values = [c.error if name == "error" else c.effort / speed for c in ends]
     unit = "" if name == "error" else " s"
-    raise ValueError(
+    return ValueError(
         f"{name}: expected at least {min(known_values):.3g}{unit}, since for {scene} "
         f"{min(known_values):.3g} to {max(known_values):.3g}{unit} was measured, got {value:g}"
     )
@@ -209,6 +289,8 @@ def read(scene: str, path: Path | None = None) -> list[Sample]:
     place = resources.files("sph_gym.studies.accuracy") / "data" / f"{scene}.csv"
     if path is None and not place.is_file():
         raise ValueError(f"scene: expected one of {', '.join(shipped())}, got {scene!r}")
+    if path is not None and not path.is_file():
+        raise ValueError(f"table: expected a file of samples, got {str(path)!r}")
     text = place.read_text() if path is None else path.read_text()
     rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
     try:

@@ -68,7 +68,7 @@ def execute(
     scene = build(problem, setting, other)
     with pinned():
         sim = Simulation(scene, setting.dtype, threads=1)
-        _compile(sim)
+        _compile(sim, policies.controller(setting.controller, played))
         meter = Meter(sim, policies.controller(setting.controller, played))
         error, cause, measures = _judged(problem, sim)
     return Outcome(
@@ -77,9 +77,16 @@ def execute(
     )  # fmt: skip
 
 
-def _compile(sim: Simulation) -> None:
+def _compile(sim: Simulation, controller: Callable[[Simulation], Any] | None) -> None:
+    """Let everything that a run calls be compiled; the state stays as it was.
+
+    controller: one of its own, since some remember what they did.
+    """
     home = sim.snapshot()
     sim.advance(sim.controls.dt)
+    if controller is not None:
+        sim.controls = controller(sim)
+        sim.advance(sim.controls.dt)
     sim.restore(home)
 
 

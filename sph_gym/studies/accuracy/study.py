@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym.solver.checks import known
-from sph_gym.studies.accuracy import fronts, peer, promises, tables
+from sph_gym.studies.accuracy import fronts, gains, peer, promises, tables
 from sph_gym.studies.accuracy.plan import (
     COMBINED,
     FULL,
@@ -120,14 +120,16 @@ def rows(scene: Problem, points: Sequence[Point]) -> Iterator[Row]:
     spreads = [found.spread for found in points if found.runs > 1]
     if spreads:
         yield Row("range of repeated times / median", scene.scene, float(np.median(spreads)), "")
+        shares = [found.own / found.wall for found in points if found.runs]
+        yield Row("processor time / wall clock", scene.scene, float(np.median(shares)), "")
     yield _order(scene, points)
     for knob in knobs(points):
         yield from _gains(scene, knob, points)
     for target in fronts.TARGETS:
         found = fronts.cheapest(sober(points), target, TIME)
-        seconds = math.inf if found is None else found.wall
-        if found is not None:
-            yield Row(f"cheapest with {100 * target:g} %", scene.scene, seconds, "s")
+        # infinite: it was not reached
+        seconds = math.inf if found is None else found.time
+        yield Row(f"cheapest with {100 * target:g} %, processor time", scene.scene, seconds, "s")
 
 
 def _differing(points: Sequence[Point]) -> float:
@@ -141,13 +143,13 @@ def _order(scene: Problem, points: Sequence[Point]) -> Row:
 
 
 def _gains(scene: Problem, knob: str, points: Sequence[Point]) -> Iterator[Row]:
-    turned = [found for found in points if found.knob == knob]
-    if knob in NUMBERS:
-        value = fronts.elasticity([points[0], *turned], TIME)
+    for cost, name in ((TIME, "time"), ("interactions", "pairs")) if knob in NUMBERS else ():
+        value = gains.elasticity(points, knob, cost)
         if math.isfinite(value):
-            yield Row(f"elasticity: {knob}", scene.scene, value, "")
-    if knob != "resolution":
-        gains = [fronts.worth(rungs(points), found, TIME) for found in turned]
-        best = max((gain for gain in gains if math.isfinite(gain)), default=math.nan)
-        if math.isfinite(best):
-            yield Row(f"best gain at equal error: {knob}", scene.scene, best, "times")
+            yield Row(f"elasticity over {name}: {knob}", scene.scene, value, "")
+    best = None if knob == "resolution" else gains.best(points, knob, TIME)
+    if best is not None:
+        case = f"{scene.scene}, {best.value}"
+        yield Row(f"best gain at equal error: {knob}", case, best.gain, "times")
+        yield Row(f"its error / nominal: {knob}", case, best.error_factor, "")
+        yield Row(f"its time / nominal: {knob}", case, best.time_factor, "")

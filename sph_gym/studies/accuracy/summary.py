@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.studies.accuracy import fronts
+from sph_gym.studies.accuracy import fronts, gains
 from sph_gym.studies.accuracy.figures import STYLES, figure_of, readable, save, widen
 from sph_gym.studies.accuracy.plan import rungs
 from sph_gym.studies.accuracy.points import Point, sober
@@ -37,7 +37,7 @@ def _draw_multiples(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> Non
     for axes, (name, points) in zip(grid.flat, by_scene.items(), strict=False):
         _draw_small(axes, name, points)
     figure.suptitle(
-        "Error [%] over wall seconds of the whole run, one thread\n"
+        "Error [%] over processor seconds of the whole run, one thread\n"
         "black: the scene's own settings at several resolutions; orange: the best that was found",
         fontsize=10.5, y=0.975,
     )  # fmt: skip
@@ -45,13 +45,13 @@ def _draw_multiples(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> Non
 
 def _draw_small(axes: Any, name: str, points: Sequence[Point]) -> None:
     ladder = sorted((p for p in rungs(points) if p.good), key=lambda p: p.dx)
-    best = fronts.front(sober(points), "wall")
+    best = fronts.front(sober(points), "time")
     for runs, style, colour, size in ((ladder, "o-", "black", 3.5), (best, "s--", FRONT, 3.0)):
         axes.plot(
-            [p.wall for p in runs], [100 * p.error for p in runs], style, color=colour,
+            [p.time for p in runs], [100 * p.error for p in runs], style, color=colour,
             markersize=size, linewidth=1.3,
         )  # fmt: skip
-    gain = fronts.gain(sober(points))
+    gain = gains.headline(points, sober(points), "time")
     bold = f"{gain:.1f} times at equal error" if math.isfinite(gain) else ""
     axes.set_title(f"{name.replace('_', ' ')}\n{bold}", fontsize=8.5, pad=3)
     axes.set_xscale("log")
@@ -104,5 +104,5 @@ def _star(scene: Problem) -> str:
 
 def _best(points: Sequence[Point], knob: str) -> float:
     """The largest gain by a knob; NaN where it wasn't turned."""
-    found = [fronts.worth(rungs(points), p, "cost") for p in points if p.knob == knob]
-    return max((gain for gain in found if math.isfinite(gain)), default=math.nan)
+    found = gains.best(points, knob, "cost")
+    return math.nan if found is None else found.gain

@@ -1,11 +1,13 @@
 """What the study leaves behind: points, gains and cheapest settings as CSV and Parquet."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from sph_gym.studies import machine
 from sph_gym.studies.accuracy import figures, fronts, recommend, summary
+from sph_gym.studies.accuracy import gains as buying
 from sph_gym.studies.accuracy.benchmark import CAREFUL, rate
 from sph_gym.studies.accuracy.plan import NUMBERS, knobs, rungs
 from sph_gym.studies.accuracy.points import Point, sober, sources
@@ -59,7 +61,9 @@ def record(point: Point) -> dict[str, Any]:
     fields = point._asdict()
     setting = fields.pop("setting")
     computed = {
-        "wall_per_simulated_second": point.cost,
+        "processor_time": point.time,
+        "processor_time_per_simulated_second": point.cost,
+        "wall_per_simulated_second": point.wall / point.seconds,
         "particle_steps_per_simulated_second": point.particle_steps,
         "interactions_per_simulated_second": point.interactions / point.seconds,
     }
@@ -68,26 +72,37 @@ def record(point: Point) -> dict[str, Any]:
 
 def gains(points: Sequence[Point]) -> list[dict[str, Any]]:
     """What every value of every knob does to error, time and work, and what it buys."""
-    start, ladder, rows = points[0], rungs(points), []
+    rows = []
     for knob in knobs(points):
-        turned = [found for found in points if found.knob == knob]
-        slope = fronts.elasticity([start, *turned], TIME) if knob in NUMBERS else float("nan")
-        for found in turned:
-            value = found.setting.across if knob == "resolution" else getattr(found.setting, knob)
+        slopes = [
+            buying.elasticity(points, knob, cost) if knob in NUMBERS else float("nan")
+            for cost in (TIME, "interactions")
+        ]
+        for found in (
+            _resolved(points) if knob == "resolution" else buying.values(points, knob, TIME)
+        ):
             rows.append(
                 {
-                    "scene": found.scene,
-                    "knob": knob,
-                    "value": str(value),
-                    "error_factor": found.error / start.error,
-                    "time_factor": found.cost / start.cost,
-                    "work_factor": found.interactions / start.interactions,
-                    "gain_at_equal_error": fronts.worth(ladder, found, TIME),
-                    "elasticity_of_knob": slope,
-                    "blew_up": found.cause,
+                    "scene": points[0].scene,
+                    **found._asdict(),
+                    "elasticity_over_time": slopes[0],
+                    "elasticity_over_pairs": slopes[1],
                 }
             )
     return rows
+
+
+def _resolved(points: Sequence[Point]) -> list[buying.Value]:
+    """The nominal settings at other resolutions, against the nominal one."""
+    start, *others = rungs(points)
+    return [
+        buying.Value(
+            "resolution", str(found.setting.across), found.error / start.error,
+            found.cost / start.cost, found.interactions / start.interactions, math.nan, 1,
+            found.cause,
+        )
+        for found in others
+    ]  # fmt: skip
 
 
 def cheapest(points: Sequence[Point]) -> list[dict[str, Any]]:
@@ -97,6 +112,6 @@ def cheapest(points: Sequence[Point]) -> list[dict[str, Any]]:
         own = sober([found for found in points if found.scene == scene])
         for target in fronts.TARGETS:
             found = fronts.cheapest(own, target, TIME)
-            if found is not None:
-                rows.append({"target": target, **record(found)})
+            known = {"scene": scene} if found is None else record(found)
+            rows.append({"target": target, "reached": found is not None, **known})
     return rows

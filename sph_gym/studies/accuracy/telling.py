@@ -24,7 +24,8 @@ def describe(advice: Advice) -> list[tuple[str, str]]:
         ("integrator", setting.integrator),
         ("frame", f"{built.frame:.4g} s, of which dt is a whole fraction"),
         ("expected error", f"{100 * error:.3g} % {scene.of}"),
-        ("expected time", f"{advice.seconds:.3g} s for {built.duration:.4g} s of flow, 1 thread"),
+        ("expected time", f"{advice.seconds:.3g} s of processor time after compilation, 1 thread"),
+        ("simulated", f"{built.duration:.4g} s of flow"),
     ]
 
 

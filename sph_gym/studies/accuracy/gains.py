@@ -1,0 +1,131 @@
+"""What each knob buys: its values against the nominal ones, at several resolutions each."""
+
+import math
+from collections.abc import Sequence
+from statistics import median_low
+from typing import NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from sph_gym.studies.accuracy import fronts
+from sph_gym.studies.accuracy.fronts import Known
+from sph_gym.studies.accuracy.settings import Setting
+
+# Resolutions at which a value must have been tried: at one, its error may just cross zero.
+FEWEST = 2
+
+
+class Tried(Known, Protocol):
+    """A run that knows its setting."""
+
+    @property
+    def setting(self) -> Setting:
+        """Of all knobs."""
+
+
+class Turned(Tried, Protocol):
+    """One that knows which knob was turned."""
+
+    @property
+    def knob(self) -> str:
+        """Its name."""
+
+
+Run = TypeVar("Run", bound=Turned)
+
+
+class Value(NamedTuple):
+    """A value of a knob, against the nominal one: factors are medians over all resolutions.
+
+    gain: how many times faster at equal error; NaN at a single resolution or after a blow-up.
+    """
+
+    knob: str
+    value: str
+    error_factor: float
+    time_factor: float
+    work_factor: float
+    gain: float
+    sizes: int
+    cause: str
+
+
+def gain(ladder: Sequence[Tried], tried: Sequence[Tried], cost: str) -> float:
+    """How many times faster one setting is than the nominal one at equal error.
+
+    ladder: the nominal runs at all resolutions; tried: those of the setting. An error counts as
+    much as those of finer runs of its kind, and of all resolutions the (lower) median counts.
+    NaN unless it went well at two of them.
+    """
+    if len(tried) < FEWEST or not all(run.good for run in tried):
+        return math.nan
+    known = {run.setting.across: run for run in ladder if run.good}
+    found = []
+    for run in tried:
+        across = run.setting.across
+        if across in known:
+            errors = _error(ladder, across), _error(tried, across)
+            costs = getattr(known[across], cost), getattr(run, cost)
+            found.append(fronts.worth(errors, costs, ladder, cost))
+    return median_low(found) if len(found) >= FEWEST else math.nan
+
+
+def _error(runs: Sequence[Tried], across: int) -> float:
+    """At a resolution, or at a finer one if it is larger there."""
+    return max(run.error for run in runs if run.good and run.setting.across >= across)
+
+
+def values(points: Sequence[Run], knob: str, cost: str) -> list[Value]:
+    """Every value of a knob that was turned alone."""
+    ladder = [found for found in points if found.knob in ("nominal", "resolution")]
+    groups: dict[str, list[Run]] = {}
+    for found in points:
+        if found.knob == knob:
+            groups.setdefault(str(getattr(found.setting, knob)), []).append(found)
+    return [_value(knob, value, ladder, runs, cost) for value, runs in groups.items()]
+
+
+def _value(knob: str, value: str, ladder: Sequence[Run], runs: Sequence[Run], cost: str) -> Value:
+    known = {run.setting.across: run for run in ladder if run.good}
+    pairs = [(known[r.setting.across], r) for r in runs if r.good and r.setting.across in known]
+    error, time, work = (_factor(pairs, name) for name in ("error", cost, "interactions"))
+    cause = next((str(getattr(r, "cause", "")) for r in runs if not r.good), "")
+    return Value(knob, value, error, time, work, gain(ladder, runs, cost), len(pairs), cause)
+
+
+def _factor(pairs: Sequence[tuple[Run, Run]], name: str) -> float:
+    """By which a run has more of something than the nominal one: the median."""
+    found = [getattr(run, name) / getattr(start, name) for start, run in pairs]
+    return float(np.median(found)) if found else math.nan
+
+
+def best(points: Sequence[Run], knob: str, cost: str) -> Value | None:
+    """The value that buys most; None where none went well at several resolutions."""
+    known = [value for value in values(points, knob, cost) if math.isfinite(value.gain)]
+    return max(known, key=lambda value: value.gain, default=None)
+
+
+def elasticity(points: Sequence[Run], knob: str, cost: str) -> float:
+    """d log error / d log cost over the values of a knob; the median over all resolutions."""
+    ladder = [found for found in points if found.knob in ("nominal", "resolution")]
+    if knob == "resolution":
+        return fronts.elasticity(ladder, cost)
+    found = []
+    for start in ladder:
+        across = start.setting.across
+        turned = [p for p in points if p.knob == knob and p.setting.across == across]
+        found.append(fronts.elasticity([start, *turned], cost))
+    found = [slope for slope in found if math.isfinite(slope)]
+    return float(np.median(found)) if found else math.nan
+
+
+def headline(points: Sequence[Run], lines: Sequence[Run], cost: str) -> float:
+    """Cost of the nominal run / that of the cheapest with its error; NaN where chance decides.
+
+    lines: the runs that count, with errors without luck.
+    """
+    ladder = [found for found in points if found.knob in ("nominal", "resolution")]
+    start = next((run for run in lines if run.setting == ladder[0].setting), None)
+    if start is None or fronts.flat(ladder, cost):
+        return math.nan
+    return fronts.gain(start, lines, cost)

@@ -292,3 +292,42 @@ def test_environments_are_made_or_refused(arguments):
     env = made(TuningEnv, arguments)
     if env is not None:
         env.close()
+
+
+@pytest.fixture(scope="module", params=["absolute", "delta", "discrete"])
+def playing(request):
+    env = TuningEnv("dam_break", dx=0.1, action_mode=request.param)
+    env.reset(seed=0)
+    return env
+
+
+@settings(max_examples=100)
+@given(st.one_of(anything, vectors, tables, st.integers(0, 26)))
+@example(np.full(3, np.nan))
+@example(np.zeros((3, 1), np.float32))
+@example(np.array([True, False, True]))
+def test_an_action_is_played_or_refused_before_anything_moves(playing, action):
+    if playing.episode.over:
+        playing.reset(seed=0)
+    before, time = playing.sim.x, playing.sim.time
+    result, complaint = attempt(lambda: playing.step(action))
+    assert is_finite(playing.sim)
+    if complaint:
+        assert complaint.startswith("action: "), complaint
+        assert np.array_equal(playing.sim.x, before)
+        assert playing.sim.time == time
+    else:
+        observation, reward, _, _, info = result
+        assert observation in playing.observation_space
+        assert math.isfinite(reward)
+        assert all(math.isfinite(value) for value in info.values() if not isinstance(value, str))
+
+
+@settings(max_examples=60)
+@given(st.one_of(anything, st.dictionaries(st.sampled_from(["instance", "x"]), anything)))
+def test_options_of_a_reset_are_taken_or_refused(playing, options):
+    result, complaint = attempt(lambda: playing.reset(seed=0, options=options))
+    assert not complaint or CLEAR.match(complaint), complaint
+    if not complaint:
+        assert result[0] in playing.observation_space
+    playing.reset(seed=0)

@@ -59,7 +59,12 @@ class Settings:
     # --- instances --------------------------------------------------------------------------
 
     def draw(self, rng: np.random.Generator, options: dict[str, Any] | None) -> tuple[str, Scene]:
-        """Id and scene of an episode: from the options, or from the environment's generator."""
+        """Id and scene of an episode: from the options, or from the environment's generator.
+
+        Raises ValueError for options that it doesn't know.
+        """
+        if not isinstance(options, dict | None):
+            raise ValueError(f"options: expected a dictionary, got {options!r}")
         for name in options or {}:
             known("options", name, ("instance",))
         wanted = (options or {}).get("instance")

@@ -85,6 +85,8 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self, *, seed: int | Sequence[int | None] | None = None, options: Any = None
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Start an episode in all environments, or in those of `options["reset_mask"]`."""
+        if not isinstance(options, dict | None):
+            raise ValueError(f"options: expected a dictionary, got {options!r}")
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask", None))
         infos: list[dict[str, Any] | None] = [None] * self.num_envs

@@ -104,13 +104,12 @@ class Case(NamedTuple):
     largest mean compression of the second half; gain: the largest of the whole run beyond that
     of the start, by default the same, inf where the case says why; p99: the largest 99th
     percentile of the second half, None where the case says why; least: of the smallest density of
-    the start, what must be left of it where the fluid stays together, else 0; clumping: the largest
-    share of
-    particles closer than 0.6 dx in the second half, None if it isn't asked; excess: the most
-    energy from nowhere, as a share of what is at stake; unmatched: the same of kernels that are
-    no pair, by default the same; conserves: whether momentum is to stay what it was; behind:
-    positions (n, 2) [m] and dx to which of them are on the wrong side of a wall; kernel: of the
-    variant with another one.
+    the start, what must be left of it where the fluid stays together, else 0; clumping: the
+    largest share of particles closer than 0.6 dx in the second half, None if it isn't asked;
+    excess: the most energy from nowhere, as a share of what is at stake; unmatched: the same of
+    kernels that are no pair, by default the same; conserves: whether momentum is to stay what it
+    was; behind: positions (n, 2) [m] and dx to which of them are on the wrong side of a wall;
+    kernel: of the variant with another one.
     """
 
     name: str

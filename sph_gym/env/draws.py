@@ -51,7 +51,7 @@ def _drop_impact(rng: np.random.Generator, dx: float) -> dict[str, float]:
     diameter = rng.uniform(9, 14) * dx
     return {
         "diameter": diameter,
-        "drop_height": rng.uniform(1.0, 4.0) * diameter,
+        "drop_height": rng.uniform(3.0, 6.0) * diameter,
         "pool_depth": rng.uniform(2, 5) * dx,
         "width": rng.uniform(3.0, 4.5) * diameter,
         "gravity": rng.uniform(4.0, 15.0),

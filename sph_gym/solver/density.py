@@ -142,7 +142,7 @@ def density(continuity, fluid, i, walls, lists, kernel, constants):
 
 
 @jitable
-def first_walled(walls, box, plates, fluid, i, n, of_walls, constants, eos, dt):
+def first_walled(walls, alone, fluid, i, n, of_walls, eos, dt):
     """The first of n lanes from particle i on that is inside of a wall, or may have jumped it.
 
     of_walls: how much of their densities the walls make. Returns -1 if nobody is.
@@ -151,19 +151,16 @@ def first_walled(walls, box, plates, fluid, i, n, of_walls, constants, eos, dt):
         return -1
     share = of_walls * like(of_walls, eos.inv_rho0)
     inside = first_true((share > like(share, WALLED)) & first_lanes(share, n))
-    return first_leap(box, plates, fluid, i, n, share, constants, dt) if inside < 0 else inside
+    return first_leap(alone, fluid, i, n, share, dt) if inside < 0 else inside
 
 
 @jitable
-def first_leap(box, plates, fluid, i, n, share, constants, dt):
+def first_leap(alone, fluid, i, n, share, dt):
     """The first of n lanes that went too far in a step beside boundary particles alone, or -1."""
-    if box is not None:
-        return -1
-    if plates is not None:
+    if alone is None:
         return -1
     u, v = dt * load(fluid.u, i), dt * load(fluid.v, i)
-    h = like(share, constants.h)
-    most = select(share > like(share, 0.0), like(share, LEAP) * h, h)
+    most = select(share > like(share, 0.0), like(share, alone.beside), like(share, alone.anywhere))
     return first_true((u * u + v * v > most * most) & first_lanes(share, n))
 
 
@@ -230,8 +227,7 @@ def compute_fluid_density(
     eos,
     constants,
     effects,
-    box,
-    plates,
+    alone,
     dt,
 ):
     """Lists, rho and p / rho^2 of fluid particles first to last.
@@ -252,7 +248,7 @@ def compute_fluid_density(
             if k > room:
                 return k, walled
             rho, of_walls = density(effects.continuity, fluid, i, walls, lists, kernel, constants)
-            inside = first_walled(walls, box, plates, fluid, i, n, of_walls, constants, eos, dt)
+            inside = first_walled(walls, alone, fluid, i, n, of_walls, eos, dt)
             if inside >= 0 and walled < 0:
                 walled = i + inside
             store_density(fluid, i, n, rho, eos)
@@ -343,6 +339,17 @@ def compute_wall_sums(
 
 
 # --- Boundary particles with the fluid's pressure -------------------------------------------
+
+
+class Alone(NamedTuple):
+    """Boundary particles with neither box nor plates at their face.
+
+    beside: farthest that a particle may move in a step within h of any of them [m]; anywhere: the
+    same for all others.
+    """
+
+    beside: float
+    anywhere: float
 
 
 class Extrapolation(NamedTuple):

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.solver.density import Constants, Extrapolation
+from sph_gym.solver.density import LEAP, Alone, Constants, Extrapolation
 from sph_gym.solver.effects import (
     ArtificialViscosity,
     Continuity,
@@ -65,6 +65,7 @@ def make_model(scene: Scene, controls: Controls, mass: float, number: Any) -> Mo
             None if scene.effects.field is None else scene.effects.field.compiled(),
             make_box(scene.walls, number),
             make_plates(scene.walls, scene.dx, number),
+            _alone(scene, number),
             _extrapolation(scene, kernel),
             None if scene.walls is None or scene.walls.motion is None
             else scene.walls.motion.stroke(),
@@ -124,6 +125,13 @@ def _constants(scene: Scene, mass: float, number: Any) -> Constants:
         number(min([WIDEST_GROUP * scene.h, *rooms])),
         *(make_period(ends, number) for ends in periods),
     )
+
+
+def _alone(scene: Scene, number: Any) -> Alone | None:
+    walls = scene.walls
+    if walls is None or not walls.stand_alone(scene.dx):
+        return None
+    return Alone(number(LEAP * scene.h), number(scene.h))
 
 
 def _extrapolation(scene: Scene, kernel: Any) -> Extrapolation | None:

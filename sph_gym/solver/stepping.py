@@ -4,6 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 from sph_gym.solver.density import (
+    Alone,
     Constants,
     Extrapolation,
     add_weights,
@@ -64,6 +65,7 @@ class Model(NamedTuple):
     gravity: Any
     box: Box | None
     plates: Plates | None
+    alone: Alone | None
     extrapolation: Extrapolation | None
     stroke: Stroke | None
     integrator: Any
@@ -450,7 +452,7 @@ def _advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
         if not full:
             end, walled = compute_fluid_density(
                 rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
-                kernel, eos, constants, model.effects, model.box, model.plates, length,
+                kernel, eos, constants, model.effects, model.alone, length,
             )  # fmt: skip
         status[rank, FULL], status[rank, LISTED] = full or end > room, end
         status[rank, WALLED] = walled

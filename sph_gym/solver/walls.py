@@ -433,6 +433,20 @@ class Walls:
         """Whether space closes upon itself in any direction."""
         return self.period_x is not None or self.period_y is not None
 
+    def stand_alone(self, dx: float) -> bool:
+        """Whether any of its particles, dx [m] apart, have neither a plate nor the box before them.
+
+        An obstacle within a box has not.
+        """
+        if self.particles is None or self.plates is not None:
+            return False
+        if self.box is None:
+            return True
+        (x, y), (left, right, bottom, top) = np.asarray(self.particles).T, self.box
+        room = 0.25 * dx  # those at the box stand half a spacing behind it
+        within = (x > left + room) & (x < right - room) & (y > bottom + room) & (y < top - room)
+        return bool(within.any())
+
     @property
     def moves(self) -> Floats:
         """(n,) 1 for boundary particles that move, else 0."""

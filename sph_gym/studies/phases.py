@@ -39,7 +39,7 @@ def fluid_density(world, model, standstill, repeats):
         compute_fluid_density(
             0, 1, 0, world.fluid.id.size, world.fluid, world.start, world.walls, world.wall_start,
             grid, world.lists, model.kernel, model.eos, model.constants, model.effects,
-            model.box, model.plates, standstill,
+            model.alone, standstill,
         )  # fmt: skip
 
 

@@ -160,6 +160,26 @@ def test_nobody_gets_into_a_wall_with_a_guard_at_its_face(mach, guard):
     assert sim.x[1, 1] >= 0
 
 
+@pytest.mark.parametrize("mach", [0.9, 4.0, 30.0])
+def test_nobody_gets_into_an_obstacle_within_a_box_unnoticed(mach):
+    sim = stray(mach, guard={"box": (-9.0, 9.0, -1.0, 9.0)})
+    report = sim.advance(0.05)
+    assert (report.cause, report.link, report.bad_particle) == ("tunnelling", "walls", 1)
+
+
+@pytest.mark.without_jit
+def test_walls_stand_alone_where_neither_plates_nor_the_box_are_before_them():
+    dx, box = 0.05, (0.0, 1.0, 0.0, np.inf)
+    tank = tank_particles(1.0, 0.5, dx)
+    obstacle = np.concatenate([tank, lattice(0.4, 0.6, 0.0, 0.2, dx)])
+    across = [(0.3, 0.25, 0.7, 0.25)]
+    assert Walls(tank).stand_alone(dx)
+    assert not Walls(tank, box=box).stand_alone(dx)
+    assert Walls(obstacle, box=box).stand_alone(dx)
+    assert not Walls(obstacle, box=box, plates=across).stand_alone(dx)
+    assert not Walls(box=box).stand_alone(dx)
+
+
 def test_a_hole_of_one_particle_is_no_wall():
     dx = 0.05
     around = lattice(-0.2, 0.25, -0.2, 0.25, dx)

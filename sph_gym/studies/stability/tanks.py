@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -64,6 +65,26 @@ def dam(dx: float, n: float = 1.0, **effects: Any) -> Scene:
     width, height = 0.4 * n, 0.8 * n
     x = lattice(0.0, width, 0.0, height, dx)
     return tank(x, dx, snap(3 * width, dx), 1.25 * height, speed(height), **effects)
+
+
+def block(dx: float) -> tuple[float, float, float, float]:
+    """The sides of an obstacle on the floor of `flooded` [m]."""
+    left = snap(0.7, dx)
+    return left, left + 4 * dx, 0.0, 5 * dx
+
+
+def flooded(dx: float) -> Scene:
+    """A column that collapses onto an obstacle of boundary particles, which no box guards."""
+    scene = dam(dx)
+    assert scene.walls is not None
+    particles = np.concatenate([np.asarray(scene.walls.particles), lattice(*block(dx), dx)])
+    return replace(scene, walls=replace(scene.walls, particles=particles))
+
+
+def within_block(x: Any, dx: float) -> Any:
+    """Behind the first layer of the obstacle."""
+    left, right, _, top = block(dx)
+    return (x[:, 0] > left + dx) & (x[:, 0] < right - dx) & (x[:, 1] < top - dx)
 
 
 def column(dx: float) -> Scene:
@@ -133,6 +154,7 @@ def flows() -> Iterator[Case]:
     # as in a water hammer, both bodies by M / 2
     yield flow("drop impact at Mach 0.5", fast_drop, density=0.05, gain=0.25, p99=0.125)
     yield flow("column 10:1", column)
+    yield flow("dam break on an obstacle", flooded, behind=within_block)
     yield flow("film of one particle", film, least=0.8)
     yield flow("water at rest for 60 s", at_rest, frames=1200, quick=8, least=0.9)
     # ten periods

@@ -272,6 +272,8 @@ def _explain(figure: Any, scene: Problem, best: Sequence[Point]) -> None:
     """What the numbered points are, in two columns, and how the error converges."""
     numbered = _numbered(best)
     half = -(-len(numbered) // 2)
+    head = "On the front: error, processor time of the whole run, and what is set"
+    figure.text(0.07, 0.228, head, fontsize=8.5, color="#333333")
     for k, point in enumerate(numbered):
         text = f"{k + 1}  {100 * point.error:.2g} %, {point.time:.2g} s: {_name(scene, point)}"
         figure.text(0.07 + 0.46 * (k // half), 0.2 - 0.028 * (k % half), text, fontsize=8.5)

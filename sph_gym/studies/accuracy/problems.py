@@ -68,7 +68,8 @@ _PROBLEMS = (
         "front, RMS at the best time shift", "of the measured front",
         "Hardly: between four and three percent at all resolutions, since the reference is an "
         "experiment, with a gate, a floor that rubs and readings of its own.",
-        arguments={"tank": 5.0}, other={"height": 1.04, "tank": 6.0}, widest=3.0,
+        # measurements are of columns twice as high as wide
+        arguments={"tank": 5.0}, other={"height": 1.02, "tank": 6.0}, widest=3.0,
     ),
     Problem(
         "taylor_green", "size", (25, 35, 50, 71, 100), 50,

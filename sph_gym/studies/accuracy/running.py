@@ -116,5 +116,9 @@ def _error(problem: Problem, reference: Reference, run: Run, measures: list[list
     if problem.measure == RMS:
         errors = run.series("frame_error")
         return share(float(np.sqrt(np.nanmean(errors**2))), reference.unit)
-    [found] = [m for m in measures if m[0] == problem.measure]
-    return share(found[1], found[2])
+    for quantity, value, unit in measures:
+        if quantity == problem.measure:
+            return share(value, unit)
+    raise ValueError(
+        f"{problem.scene}: expected arguments for which there is a reference, got {problem.given()}"
+    )

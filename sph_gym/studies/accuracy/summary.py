@@ -31,13 +31,15 @@ def _draw_multiples(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> Non
     n_columns = min(4, max(len(by_scene), 1))
     n_rows = -(-len(by_scene) // n_columns)
     grid = figure.subplots(n_rows, n_columns, squeeze=False)
-    figure.subplots_adjust(left=0.075, right=0.985, top=0.86, bottom=0.09, wspace=0.32, hspace=0.62)
+    figure.subplots_adjust(left=0.09, right=0.985, top=0.86, bottom=0.1, wspace=0.32, hspace=0.62)
+    figure.supxlabel("processor seconds of the whole run, one thread", fontsize=9.5)
+    figure.supylabel("error [%]", fontsize=9.5)
     for axes in grid.flat[len(by_scene) :]:
         axes.set_visible(False)
     for axes, (name, points) in zip(grid.flat, by_scene.items(), strict=False):
         _draw_small(axes, name, points)
     figure.suptitle(
-        "Error [%] over processor seconds of the whole run, one thread\n"
+        "Error over time\n"
         "black: the scene's own settings at several resolutions; orange: the best that was found",
         fontsize=10.5, y=0.975,
     )  # fmt: skip

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -170,6 +171,13 @@ def test_the_choice_is_made_anew_until_it_is_corrected():
     choice, _ = recommend.settle(lines, choose, probe)
     assert choice.setting == nominal(DROP, 20)
     assert recommend.settle(lines, choose, lambda setting: (math.nan, 1.0)) == (None, [])
+
+
+def test_a_case_without_a_reference_is_refused():
+    column = problem("dam_break")
+    flat = replace(column, arguments=column.arguments | {"height": 0.6})
+    with pytest.raises(ValueError, match="dam_break: expected arguments for which there is a ref"):
+        execute(flat, nominal(flat, 10))
 
 
 def test_no_table_is_told_of(tmp_path, table):

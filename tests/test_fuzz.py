@@ -266,6 +266,11 @@ def test_a_snapshot_is_taken_or_refused(running, extra, data):
         assert complaint.startswith(("snapshot", "controls"))
         assert np.array_equal(running.x, before)
     assert is_finite(running)
+    home = running.snapshot()
+    attempt(lambda: running.advance(running.controls.dt))
+    assert is_finite(running)
+    assert np.isfinite([running.time, *running.diagnostics().values()]).all()
+    running.restore(home)
 
 
 # --- Environments ---------------------------------------------------------------------------

@@ -129,7 +129,7 @@ def _constants(scene: Scene, mass: float, number: Any) -> Constants:
 
 def _alone(scene: Scene, number: Any) -> Alone | None:
     walls = scene.walls
-    if walls is None or not walls.stand_alone(scene.dx):
+    if walls is None or not walls.stand_alone(scene.dx, scene.h):
         return None
     return Alone(number(LEAP * scene.h), number(scene.h))
 

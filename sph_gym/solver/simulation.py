@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, failure, stepping, teams
-from sph_gym.solver.checks import known, positive, whole
+from sph_gym.solver.checks import known, number, positive, whole
 from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity, Gravity
 from sph_gym.solver.model import particle_mass
@@ -273,8 +273,8 @@ class Simulation:
         nearest = float(np.sqrt(engine.nearest_and_count()[0].min())) / self.scene.dx
         cause = failure.cause(self.scene, report.dt, self.sound_speed, link, nearest)
         index = int(engine.fluid.id[place])
-        number = float(failure.CAUSES.index(cause))
-        self._onset = failure.Onset(number, self._substeps, self.time)
+        code = float(failure.CAUSES.index(cause))
+        self._onset = failure.Onset(code, self._substeps, self.time)
         return Report(report.n_substeps, report.dt, True, cause, link, index)
 
     # --- evaluation -------------------------------------------------------------------------
@@ -460,12 +460,14 @@ class Simulation:
         try:
             columns = self.engine.state_columns
             fluid = {name: np.asarray(snapshot["fluid"][name]) for name in columns}
-            power, clock = float(snapshot["power"]), float(snapshot["clock"])
-            time, controls = float(snapshot["time"]), check_controls(snapshot["controls"])
-            numbers, totals = snapshot["ledger"], diagnostics.Totals(*snapshot["totals"])
-            substeps, onset = float(snapshot["substeps"]), failure.Onset(*snapshot["onset"])
-            if len(numbers) != len(self._ledger.state()):
-                raise ValueError(f"ledger of {len(numbers)} numbers")
+            single = ("power", "clock", "time", "substeps")
+            power, clock, time, substeps = (number(name, snapshot[name]) for name in single)
+            controls = check_controls(snapshot["controls"])
+            numbers = [number("ledger", each) for each in snapshot["ledger"]]
+            totals = diagnostics.Totals(*(number("totals", each) for each in snapshot["totals"]))
+            onset = failure.Onset(*(number("onset", each) for each in snapshot["onset"]))
+            if len(numbers) != len(self._ledger.state()) or numbers[1] <= 0:
+                raise ValueError(f"ledger {numbers}")
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ValueError(f"snapshot: not one of Simulation.snapshot(): {error!r}") from None
         for name, present in self.engine.state().items():

@@ -433,19 +433,22 @@ class Walls:
         """Whether space closes upon itself in any direction."""
         return self.period_x is not None or self.period_y is not None
 
-    def stand_alone(self, dx: float) -> bool:
+    def stand_alone(self, dx: float, h: float) -> bool:
         """Whether any of its particles, dx [m] apart, have neither a plate nor the box before them.
 
-        An obstacle within a box has not.
+        An obstacle within a box has not, unless plates are within h [m] of all that it is made of.
         """
-        if self.particles is None or self.plates is not None:
+        if self.particles is None:
             return False
-        if self.box is None:
-            return True
-        (x, y), (left, right, bottom, top) = np.asarray(self.particles).T, self.box
-        room = 0.25 * dx  # those at the box stand half a spacing behind it
-        within = (x > left + room) & (x < right - room) & (y > bottom + room) & (y < top - room)
-        return bool(within.any())
+        x = np.asarray(self.particles)
+        alone = np.ones(len(x), bool)
+        if self.box is not None:
+            low, high = np.array(self.box[::2]), np.array(self.box[1::2])
+            # those at the box stand half a spacing behind it
+            alone &= ((x > low + dx / 4) & (x < high - dx / 4)).all(axis=1)
+        for plate in () if self.plates is None else np.asarray(self.plates):
+            alone &= _distance(x, plate[:2], plate[2:]) > h
+        return bool(alone.any())
 
     @property
     def moves(self) -> Floats:
@@ -489,6 +492,14 @@ def _check_plates(plates: Floats) -> None:
     if not (lengths > 0).all():
         bad = int(np.argmin(lengths))
         raise ValueError(f"walls.plates: expected segments with a length, got {plates[bad]}")
+
+
+def _distance(x: Floats, start: Floats, end: Floats) -> Floats:
+    """(n,) of the points x (n, 2) from the segment between two others [m]."""
+    along = end - start
+    share = np.clip((x - start) @ along / (along @ along), 0.0, 1.0)
+    gap = x - start - share[:, None] * along
+    return np.hypot(*gap.T)
 
 
 def make_box(walls: Walls | None, precision: Any) -> Box | None:

@@ -169,15 +169,17 @@ def test_nobody_gets_into_an_obstacle_within_a_box_unnoticed(mach):
 
 @pytest.mark.without_jit
 def test_walls_stand_alone_where_neither_plates_nor_the_box_are_before_them():
-    dx, box = 0.05, (0.0, 1.0, 0.0, np.inf)
+    dx, h, box = 0.05, 0.13, (0.0, 1.0, 0.0, np.inf)
     tank = tank_particles(1.0, 0.5, dx)
     obstacle = np.concatenate([tank, lattice(0.4, 0.6, 0.0, 0.2, dx)])
-    across = [(0.3, 0.25, 0.7, 0.25)]
-    assert Walls(tank).stand_alone(dx)
-    assert not Walls(tank, box=box).stand_alone(dx)
-    assert Walls(obstacle, box=box).stand_alone(dx)
-    assert not Walls(obstacle, box=box, plates=across).stand_alone(dx)
-    assert not Walls(box=box).stand_alone(dx)
+    elsewhere = [(0.3, 0.4, 0.7, 0.4)]
+    around = [(0.4, 0.0, 0.4, 0.2), (0.4, 0.2, 0.6, 0.2), (0.6, 0.2, 0.6, 0.0)]
+    assert Walls(tank).stand_alone(dx, h)
+    assert not Walls(tank, box=box).stand_alone(dx, h)
+    assert Walls(obstacle, box=box).stand_alone(dx, h)
+    assert Walls(obstacle, box=box, plates=elsewhere).stand_alone(dx, h)
+    assert not Walls(obstacle, box=box, plates=around).stand_alone(dx, h)
+    assert not Walls(box=box).stand_alone(dx, h)
 
 
 def test_a_hole_of_one_particle_is_no_wall():

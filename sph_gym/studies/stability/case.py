@@ -1,6 +1,7 @@
 """What a hard case is: a start, how it is steered, and what must hold."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -71,9 +72,8 @@ def switching(*steers: Steer) -> Steer:
 # --- Cases ----------------------------------------------------------------------------------
 
 
-# Of particles thrown through each other: the article's kernels are no pair, their forces are the
-# derivative of no energy, and at any step they make some of their own.
-UNMATCHED_EXCESS = 0.5
+# Of the multiple of the stable step that a case asks for, what the largest step must reach.
+REACHED = 0.999
 # Of the compression in the most compressed hundredth, as the environments allow.
 DENSE = 0.04
 
@@ -99,13 +99,15 @@ class Case(NamedTuple):
     """A hard case.
 
     build: dx [m] and an item of `sizes` to a scene; frames, quick: how many of the scene's frames
-    it lasts, and how many in the quick version; steer: sets the controls before each; stable:
-    whether the step is at most the stable one, so that a blow-up is a failure; density: the
+    it lasts at the usual spacing, and how many in the quick version; steer: sets the controls
+    before each; stable: whether the step is at most the stable one, so that a blow-up is a
+    failure; pushed: the multiple of the stable step that some step must reach; density: the
     largest mean compression of the second half; gain: the largest of the whole run beyond that
     of the start, by default the same, inf where the case says why; p99: the largest 99th
     percentile of the second half, None where the case says why; least: of the smallest density of
     the start, what must be left of it where the fluid stays together, else 0; clumping: the
     largest share of particles closer than 0.6 dx in the second half, None if it isn't asked;
+    pairs: whether kernels that are no pair are excused from it;
     excess: the most energy from nowhere, as a share of what is at stake; unmatched: the same of
     kernels that are no pair, by default the same; conserves: whether momentum is to stay what it
     was; behind: positions (n, 2) [m] and dx to which of them are on the wrong side of a wall;
@@ -119,11 +121,13 @@ class Case(NamedTuple):
     quick: int = 12
     steer: Steer = article
     stable: bool = True
+    pushed: float = 0.0
     density: float = 0.02
     gain: float | None = None
     p99: float | None = DENSE
     least: float = 0.0
     clumping: float | None = None
+    pairs: bool = False
     excess: float = 0.02
     unmatched: float | None = None
     conserves: bool = False
@@ -140,11 +144,21 @@ class Case(NamedTuple):
             scene = dataclasses.replace(scene, fluid=fluid)
         return scene
 
+    def lasts(self, variant: Variant, quick: bool) -> int:
+        """Frames; those of a finer variant are shorter."""
+        return self.quick if quick else round(self.frames * variant.finer)
+
     def allowed_excess(self, scene: Scene) -> float:
         """Energy from nowhere, as a share of what is at stake, that is no error of the solver."""
         if self.unmatched is None or scene.fluid.kernel in MATCHED:
             return self.excess
         return self.unmatched
+
+    def allowed_clumping(self, scene: Scene) -> float:
+        """Share of particles closer than 0.6 dx that kernels don't make by themselves."""
+        if self.clumping is None or (self.pairs and scene.fluid.kernel not in MATCHED):
+            return math.inf
+        return self.clumping
 
     def passed(self, sim: Simulation) -> int:
         """How many fluid particles are on the wrong side of a wall."""

@@ -10,7 +10,6 @@ import numpy as np
 from sph_gym.solver import engine, teams
 from sph_gym.solver.diagnostics import Ledger
 from sph_gym.solver.kernels import ALL_KERNELS, density_kernel
-from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.walls import Walls
 
@@ -74,12 +73,14 @@ def eager_threads() -> Iterator[None]:
 
 
 Advance = Callable[[Simulation], Report]
+# Makes one of the runs, with so many `threads` or by `neighbors`.
+Twin = Callable[..., Simulation]
 
 
-def threads_differ(scene: Scene, dtype: str, advance: Advance, frames: int) -> int:
+def threads_differ(twin: Twin, advance: Advance, frames: int) -> int:
     """In how many fields, reports included, runs on one and two threads differ by any bit."""
     with eager_threads():
-        single, double = (Simulation(scene, dtype, threads=n) for n in (1, 2))
+        single, double = (twin(threads=n) for n in (1, 2))
         reports = [[advance(sim) for _ in range(frames)] for sim in (single, double)]
     wrong = sum(
         getattr(single, field).tobytes() != getattr(double, field).tobytes() for field in FIELDS
@@ -145,7 +146,7 @@ def _least(sim: Simulation) -> dict[str, float]:
     return {"rho": 0.0, "p": sim.scene.fluid.rho0 * dynamic, "a": dynamic / sim.scene.h}
 
 
-def run_gap(scene: Scene, dtype: str, advance: Advance, frames: int) -> float:
+def run_gap(twin: Twin, advance: Advance, frames: int) -> float:
     """How far apart runs on grid and brute force are after some frames, by their observables.
 
     Centre of mass and extents in dx, kinetic energy as a share of the larger one and of that of
@@ -153,12 +154,12 @@ def run_gap(scene: Scene, dtype: str, advance: Advance, frames: int) -> float:
     """
     ends = []
     for neighbors in ("grid", "brute"):
-        sim = Simulation(scene, dtype, neighbors, threads=1)
+        sim = twin(neighbors=neighbors)
         for _ in range(frames):
             if advance(sim).diverged:
                 break
         ends.append(sim.diagnostics())
-    one, other = ends
+    (one, other), scene = ends, sim.scene
     lengths = [abs(one[name] - other[name]) / scene.dx for name in LENGTHS]
     least = 0.5 * 1e-4 * scene.fluid.c0**2 * scene.fluid.rho0 * scene.dx**2
     energies = [each["kinetic_energy"] for each in ends]

@@ -1,11 +1,12 @@
 """What every run of a case must keep, as rows of a table."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from sph_gym.studies.stability.case import Case, Variant
+from sph_gym.solver.scene import Scene
+from sph_gym.studies.stability.case import REACHED, Case, Variant
 from sph_gym.studies.stability.runs import Outcome
 from sph_gym.studies.table import Row
 
@@ -26,15 +27,20 @@ def rows(case: Case, found: Sequence[Found]) -> Iterator[Row]:
     substeps = float(sum(one.substeps for _, one in found))
     yield Row("substeps", case.name, substeps, "")
     blowups = [(variant, one) for variant, one in found if one.blowups]
+    if case.pushed > 0:
+        yield _worst(case, found, "step", REACHED * case.pushed, at_least=True)
     names = ", ".join(f"{variant.name}: {one.cause}" for variant, one in blowups)
     label = f"{case.name} ({names})" if names else case.name
     yield Row("reported blow-ups", label, float(len(blowups)), "", 0.0 if case.stable else None)
     for name, bound in (("silent", 0.0), ("passed", 0.0), ("threads", 0.0)):
         yield _worst(case, found, name, bound)
-    yield from _energies(case, found)
     yield from _drifts(case, found)
     yield from _exact(case, found)
-    yield from _densities(case, found)
+    # who blows up may be anything by then; who doesn't, at whatever step, is held to all of it
+    held = [pair for pair in found if case.stable or not pair[1].blowups]
+    if held:
+        yield from _by_kernels(case, held, "excess", case.allowed_excess)
+        yield from _densities(case, held)
 
 
 def _exact(case: Case, found: Sequence[Found]) -> Iterator[Row]:
@@ -47,19 +53,19 @@ def _exact(case: Case, found: Sequence[Found]) -> Iterator[Row]:
 
 
 def _densities(case: Case, found: Sequence[Found]) -> Iterator[Row]:
-    stable = case.stable
     gain = case.density if case.gain is None else case.gain
-    yield _worst(case, found, "gain", gain if stable and gain < math.inf else None)
-    yield _worst(case, found, "density", case.density if stable else None)
-    yield _worst(case, found, "p99", case.p99 if stable else None)
+    yield _worst(case, found, "gain", gain if gain < math.inf else None)
+    yield _worst(case, found, "density", case.density)
+    yield _worst(case, found, "p99", case.p99)
     if case.clumping is not None:
-        yield _worst(case, found, "clumping", case.clumping)
+        yield from _by_kernels(case, found, "clumping", case.allowed_clumping)
     yield _worst(case, found, "lowest", LONELY, at_least=True)
     if case.least > 0:
         yield _worst(case, found, "left", case.least, at_least=True)
 
 
 TITLES = {
+    "step": ("longest step", "stable steps"),
     "silent": ("frames that failed in silence", ""),
     "passed": ("particles behind a wall", ""),
     "threads": ("fields that differ on two threads", ""),
@@ -92,13 +98,14 @@ def _worst(
     return Row(quantity, label, value, unit, bound, at_least)
 
 
-def _energies(case: Case, found: Sequence[Found]) -> Iterator[Row]:
-    """By kernels, since those that are no pair have a bound of their own."""
-    size = case.sizes[0]
-    bounds = [case.allowed_excess(case.scene(variant, size)) for variant, _ in found]
+def _by_kernels(
+    case: Case, found: Sequence[Found], name: str, allowed: Callable[[Scene], float]
+) -> Iterator[Row]:
+    """A row for every bound, since kernels that are no pair may have one of their own."""
+    bounds = [allowed(case.scene(variant, case.sizes[0])) for variant, _ in found]
     for bound in sorted(set(bounds)):
         alike = [pair for pair, own in zip(found, bounds, strict=True) if own == bound]
-        yield _worst(case, alike, "excess", bound if case.stable else None)
+        yield _worst(case, alike, name, bound if bound < math.inf else None)
 
 
 def _drifts(case: Case, found: Sequence[Found]) -> Iterator[Row]:

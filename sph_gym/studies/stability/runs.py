@@ -11,7 +11,7 @@ from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.studies.stability import checks
 from sph_gym.studies.stability.case import Case, Variant
 
-# Frames in which one and two threads, and grid and brute force, are compared.
+# Frames over which one and two threads, and grid and brute force, are compared.
 COMPARED = 3
 # Of particles, above which brute force is asked about some of them only.
 AFFORDABLE = 3000
@@ -20,7 +20,8 @@ AFFORDABLE = 3000
 class Outcome(NamedTuple):
     """What became of a run; the worst of all sizes, and of all frames.
 
-    substeps; blowups: reported ones; cause: of the first; silent: frames in which something went
+    substeps; step: the largest, in stable ones; blowups: reported ones; cause: of the first;
+    silent: frames in which something went
     wrong without a report, or with one that doesn't say what; passed: most particles on the wrong
     side of a wall; excess: energy from nowhere, as a share of what is at stake; drift: of the
     momentum, as a share of mass times largest speed; gain: largest mean compression beyond that
@@ -33,6 +34,7 @@ class Outcome(NamedTuple):
     """
 
     substeps: int = 0
+    step: float = 0.0
     blowups: int = 0
     cause: str = ""
     silent: int = 0
@@ -89,34 +91,56 @@ class _Run:
 
     def __init__(self, case: Case, variant: Variant, size: Any, quick: bool) -> None:
         self.case, self.dtype = case, variant.dtype
-        self.frames = case.quick if quick else case.frames
+        self.frames = case.lasts(variant, quick)
         self.scene = case.scene(variant, size)
         self.sim = Simulation(self.scene, self.dtype, threads=1)
         self.start = self.sim.diagnostics()["density_error"], self._least()
         self._taken: WeakKeyDictionary[Simulation, int] = WeakKeyDictionary()
+        self._begin: tuple[int, dict[str, Any] | None] = 0, None
 
     def advance(self, sim: Simulation) -> Report:
-        """The next frame, with the controls that the case sets."""
+        """About a frame, with the controls that the case sets: as many steps as there is room for.
+
+        Not just a frame, into which no long step fits as it is.
+        """
         frame = self._taken.get(sim, 0)
         self._taken[sim] = frame + 1
         sim.controls = self.case.steer(sim, frame)
-        return sim.advance(self.scene.frame)
+        dt = sim.controls.dt
+        return sim.advance(max(round(self.scene.frame / dt), 1) * dt)
+
+    def _twin(self, neighbors: str = "grid", threads: int = 1) -> Simulation:
+        """Another simulation, at the moment from which runs are compared."""
+        sim = Simulation(self.scene, self.dtype, neighbors, threads=threads)
+        self._taken[sim], state = self._begin
+        if state is not None:
+            sim.restore(state)
+        return sim
 
     def outcome(self) -> Outcome:
         """Run it, look at every frame, then compare."""
-        found = self._look(Report(0, 0.0), 0)
+        found = worst(self._look(Report(0, 0.0), 0), self._compare())
         start, mass = checks.momentum(self.sim), self.sim.mass * self.sim.n_fluid
         for frame in range(self.frames):
-            # the hard start itself, and what became of it
-            if frame in (0, self.frames // 4):
-                found = worst(found, self._exactness())
-            report = self.advance(self.sim)
-            found = worst(found, self._look(report, frame))
+            if frame == max(self.frames // 4, 1):
+                # not only the hard start itself, but what became of it
+                self._begin = frame, self.sim.snapshot()
+                found = worst(found, self._compare())
+            stable, report = self._stable_dt(frame), self.advance(self.sim)
+            found = worst(found, self._look(report, frame)._replace(step=report.dt / stable))
             if report.diverged:
                 break
         drift = float(np.hypot(*(checks.momentum(self.sim) - start)))
         share = drift / (mass * max(found.fastest, 1e-3 * self.scene.fluid.c0))
-        return worst(found._replace(drift=share), self._compare())
+        return worst(found._replace(drift=share), self._exactness())
+
+    def _stable_dt(self, frame: int) -> float:
+        """At the stiffness that the case sets for a frame [s]."""
+        controls = self.sim.controls
+        self.sim.controls = self.case.steer(self.sim, frame)
+        stable = self.sim.stable_dt()
+        self.sim.controls = controls
+        return stable
 
     def _look(self, report: Report, frame: int) -> Outcome:
         sim = self.sim
@@ -154,11 +178,10 @@ class _Run:
         return self.sim.n_particles <= AFFORDABLE
 
     def _compare(self) -> Outcome:
-        """The end of the run by brute force, and its beginning on two threads and without grid."""
+        """The present state by brute force, and how it goes on on two threads and without grid."""
         frames = min(COMPARED, self.frames)
-        found = Outcome(threads=checks.threads_differ(self.scene, self.dtype, self.advance, frames))
+        found = Outcome(threads=checks.threads_differ(self._twin, self.advance, frames))
         found = worst(found, self._exactness())
         if self.dtype != "float64" or not self._affordable:
             return found
-        gap = checks.run_gap(self.scene, self.dtype, self.advance, frames)
-        return worst(found, Outcome(observables=gap))
+        return worst(found, Outcome(observables=checks.run_gap(self._twin, self.advance, frames)))

@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+import warnings
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 import torch
 import yaml
 from stable_baselines3 import DQN, PPO, SAC
@@ -118,10 +120,11 @@ def newest_checkpoint(path: Path) -> Path:
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a zip file was written to its end; nothing in it is unpickled."""
+    """Whether a model's file was written to its end; nothing in it is unpickled."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return archive.testzip() is None
+            # torn within one of the archives that it holds, it ends like a whole one
+            return "data" in archive.namelist() and archive.testzip() is None
     except (OSError, zipfile.BadZipFile, zlib.error):
         return False
 
@@ -146,20 +149,36 @@ def callbacks(algorithm: str, args: Args) -> BaseCallback:
     every = max(args.evaluate_every // args.n_envs, 1)
     one = gym.make(env_id(args.scene), instances="val", action_mode=action_mode(algorithm))
     validation = Monitor(ValidationEnv(one, args.scene, args.n_evaluations))
-    return CallbackList(
-        [
-            CheckpointCallback(every, str(path / "checkpoints"), name_prefix=algorithm),
-            EvalCallback(
-                validation,
-                n_eval_episodes=args.n_evaluations,
-                eval_freq=every,
-                best_model_save_path=str(path),
-                callback_on_new_best=_Exporter(path / "network.npz"),
-                log_path=str(path),
-                verbose=1,
-            ),
-        ]
+    evaluation = EvalCallback(
+        validation,
+        n_eval_episodes=args.n_evaluations,
+        eval_freq=every,
+        best_model_save_path=str(path),
+        callback_on_new_best=_Exporter(path / "network.npz"),
+        log_path=str(path),
+        verbose=1,
     )
+    if args.resume:
+        recall(evaluation, path / "evaluations.npz")
+    checkpoints = CheckpointCallback(every, str(path / "checkpoints"), name_prefix=algorithm)
+    return CallbackList([checkpoints, evaluation])
+
+
+def recall(evaluation: EvalCallback, log: Path) -> None:
+    """Take up the evaluations of the run that goes on: its best model is the one to beat."""
+    try:
+        with log.open("rb") as file, np.load(file, allow_pickle=False) as found:
+            steps, results, lengths = (found[n] for n in ("timesteps", "results", "ep_lengths"))
+    except FileNotFoundError:
+        return
+    except Exception as error:  # zipfile.BadZipFile and what else a torn file can raise
+        warnings.warn(f"{log} is damaged, evaluations begin anew: {error}", stacklevel=2)
+        return
+    evaluation.best_mean_reward = float(results.mean(axis=1).max())
+    if results.shape[1] == evaluation.n_eval_episodes:
+        evaluation.evaluations_timesteps = steps.tolist()
+        evaluation.evaluations_results = results.tolist()
+        evaluation.evaluations_length = lengths.tolist()
 
 
 def train(kind: type[BaseAlgorithm], algorithm: str, args: Args) -> None:

@@ -1,5 +1,9 @@
 """Training in miniature: it runs, exports what it learned, and goes on from a checkpoint."""
 
+import io
+import os
+import zipfile
+
 import gymnasium as gym
 import pytest
 
@@ -51,6 +55,26 @@ def test_train_export_resume(tmp_path, small, algorithm, kind):
     training.train(kind, algorithm, arguments)
     assert training.newest_checkpoint(path).exists()
     assert list((path / "tensorboard").rglob("events*"))
+
+
+def test_a_checkpoint_torn_within_one_of_its_archives_is_left_out(tmp_path):
+    inner = io.BytesIO()
+    with zipfile.ZipFile(inner, "w") as archive:
+        archive.writestr("data.pkl", b"weights")
+    places = [tmp_path / "checkpoints" / f"{name}.zip" for name in ("whole", "torn")]
+    places[0].parent.mkdir()
+    for place in places:
+        with zipfile.ZipFile(place, "w") as archive:
+            archive.writestr("data", b"model")
+            archive.writestr("policy.pth", inner.getvalue())
+    whole, torn = places
+    content = torn.read_bytes()
+    end = content.index(inner.getvalue()) + len(inner.getvalue())
+    torn.write_bytes(content[:end])
+    os.utime(whole, (0, 0))
+    # its end is that of the inner one
+    assert zipfile.is_zipfile(torn)
+    assert training.newest_checkpoint(tmp_path) == whole
 
 
 def test_nothing_to_resume_is_said(tmp_path):

@@ -43,7 +43,7 @@ CLOCK = "Times are corrected for the machine's momentary speed by a benchmark be
 THINKING = "* without the agent's own time, which is many times as long."
 # Cost and its label, of the two panels.
 PANELS = (
-    ("cost", "processor seconds per simulated second, one thread, corrected by a benchmark"),
+    ("cost", "corrected processor seconds per simulated second, one thread"),
     ("pairs", "pair interactions per simulated second"),
 )
 

@@ -40,7 +40,7 @@ LUCK = (
 )
 SCATTER = "No front: errors are within their scatter."
 CLOCK = "Times are corrected for the machine's momentary speed by a benchmark beside each run."
-THINKING = "* without the agent's own time, which is many times as long."
+THINKING = "* What the agent itself takes to think isn't counted."
 # Cost and its label, of the two panels.
 PANELS = (
     ("cost", "corrected processor seconds per simulated second, one thread"),
@@ -229,7 +229,8 @@ def _explain(figure: Any, scene: Problem, points: Sequence[Point], best: Sequenc
     agents = any(point.good and needs_schedule(point.setting.controller) for point in points)
     said = [scene.note, LUCK if best else "", CLOCK, THINKING if agents else ""]
     note = textwrap.fill(" ".join(filter(None, said)), 160)
-    figure.text(0.07, 0.02, note, fontsize=9, style="italic", color="#333333", linespacing=1.5)
+    foot = 0.02 if best else 0.14
+    figure.text(0.07, foot, note, fontsize=9, style="italic", color="#333333", linespacing=1.5)
 
 
 def _name(scene: Problem, point: Point) -> str:

@@ -15,10 +15,7 @@ from sph_gym.studies.accuracy import (
     points,
     policies,
     problems,
-    promises,
-    recommend,
     study,
-    tables,
 )
 from sph_gym.studies.accuracy.running import execute
 from sph_gym.studies.accuracy.settings import build, nominal
@@ -205,62 +202,6 @@ def test_halving_the_step_doubles_the_steps():
     assert half.substeps == pytest.approx(2 * one.substeps, rel=0.15)
 
 
-def made_up(setting, error, **known):
-    """A point that wasn't run."""
-    plain = points.Point(
-        "elliptical_drop", "", setting, 0.1, error, "", 1, 9, 9, 9, 1, 1, 1, 1, 1, 0, 0, "", 1
-    )
-    return plain._replace(key=str(setting), **known)
-
-
-def test_luck_does_not_count():
-    runs = [drop(across=n) for n in (6, 8, 10)] + [drop(kernel="spiky")]
-    found = [made_up(s, e) for s, e in zip(runs, [0.03, 0.001, 0.01, 0.002], strict=True)]
-    assert [point.error for point in luck.sober(found)] == [0.03, 0.01, 0.01]
-    assert luck.sober(found[1:]) == []
-    blown = found[0]._replace(error=math.nan, cause="blew up")
-    assert luck.sober([blown, *found[1:]]) == []
-
-
-def test_a_line_that_ends_before_the_finest_resolution_does_not_count():
-    own = [made_up(drop(across=n), 0.1 / n, knob="nominal") for n in (6, 8, 10, 14)]
-    lucky = [made_up(drop(across=n, kernel="spiky"), 1e-4) for n in (6, 8, 10)]
-    assert luck.sober([*own, *lucky]) == own
-    unlucky = made_up(drop(across=14, kernel="spiky"), 0.05)
-    counted = luck.sober([*own, *lucky, unlucky])
-    assert [point.error for point in counted[4:]] == [0.05] * 4
-
-
-def test_errors_within_their_scatter_have_no_front():
-    def ladder(order):
-        sizes = ((6, 8), (8, 6), (10, 10))
-        return [
-            made_up(drop(across=n), 0.1 * n**-order, knob="nominal", effort=float(n**3))
-            for n, _ in sizes
-        ]
-
-    assert luck.front(ladder(0.1), "cost") == []
-    assert len(luck.front(ladder(1.0), "cost")) == 3
-
-
-def test_times_are_those_of_the_machine_at_its_usual_speed():
-    found = [made_up(drop(across=n), 0.1, rate=r) for n, r in ((6, 2e6), (8, 1e6), (10, 5e6))]
-    found.append(made_up(drop(across=14), math.nan, rate=math.nan))
-    usual = luck.at_usual_speed([point._replace(effort=4e6) for point in found])
-    assert [point.time for point in usual] == [2.0] * 4
-
-
-def test_the_cheapest_is_told_with_the_error_that_it_has():
-    errors = (0.03, 0.001, 0.01)
-    own = [made_up(drop(across=n), e) for n, e in zip((6, 8, 10), errors, strict=True)]
-    own = [point._replace(effort=float(point.setting.across)) for point in own]
-    five, two, one, half = tables.cheapest(own)
-    assert (five["across"], five["error"], five["error_without_luck"]) == (6, 0.03, 0.03)
-    assert (two["across"], two["error"], two["error_without_luck"]) == (8, 0.001, 0.01)
-    assert one["key"] == two["key"]
-    assert not half["reached"]
-
-
 # --- controllers ----------------------------------------------------------------------------
 
 
@@ -323,82 +264,6 @@ def test_the_study_writes_rows_tables_and_pictures_and_goes_on_where_it_was(
         assert (folder / f"{name}.png").stat().st_size > 20_000
     monkeypatch.setattr(points, "execute", lambda *a: pytest.fail("run again"))
     assert list(study.measure(False, tmp_path)) == rows
-
-
-def test_a_promise_that_is_broken_is_a_row_that_fails(tmp_path):
-    found = [
-        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
-    ]
-
-    def told(found):
-        rows = promises.rows(DROP, found, tmp_path)
-        return [row for row in rows if row.quantity == "measured / promised error"]
-
-    kept = told(found)
-    assert kept
-    assert all(row.holds for row in kept)
-    lied = [point._replace(error=point.error / 4) for point in found]
-    assert all(not row.holds for row in told(lied))
-    [none] = promises.rows(DROP, found[:2], tmp_path)
-    assert not none.holds
-
-
-def test_promises_are_tried_between_the_resolutions(tmp_path, monkeypatch):
-    found = [
-        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
-    ]
-    tried = []
-    real = promises.point
-    monkeypatch.setattr(
-        promises,
-        "point",
-        lambda *a, **k: (
-            tried.append((a[2].across, a[6] if len(a) > 6 else k["other"])) or real(*a, **k)
-        ),
-    )
-    list(promises.rows(replace(DROP, other={"rate": 60.0}), found, tmp_path))
-    assert {across for across, other in tried if not other} <= {7, 9}
-    elsewhere = [across for across, other in tried if other]
-    # the coarsest: by which the promise is corrected, once
-    assert elsewhere.count(6) == 1
-    assert set(elsewhere) <= {6, 7, 8, 9, 10}
-    assert len(elsewhere) > 1
-
-
-def test_another_case_is_told_what_anybody_would_be():
-    """The cheaper line fails in the other case, so that the dear one is advised."""
-    cheap, dear = (
-        [
-            promises.Sample(DROP.scene, drop(across=n, kernel=kernel), 0.1 / n, effort * n**3)
-            for n in (6, 8, 10)
-        ]
-        for kernel, effort in (("spiky", 1.0), ("wendland_c2", 9.0))
-    )
-    lines = recommend.fit([*cheap, *dear])
-
-    def probe(setting):
-        return (math.nan if setting.kernel == "spiky" else 0.1 / 6), 9.0 * 6**3
-
-    answers = promises._elsewhere(lines, probe)
-    assert {choice.setting.kernel for choice in promises._between(lines)} == {"spiky"}
-    assert len(answers) == len(promises.ASKED)
-    assert {choice.setting.kernel for choice in answers} == {"wendland_c2"}
-    assert all(choice.setting.across != 6 for choice in answers)
-    assert promises._elsewhere(lines, lambda setting: (math.nan, 1.0)) == []
-
-
-def test_times_of_promises_are_taken_anew_if_asked_for(tmp_path, monkeypatch):
-    found = [
-        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
-    ]
-    asked = []
-    real = promises.point
-    monkeypatch.setattr(promises, "point", lambda *a, **k: asked.append(a[5]) or real(*a, **k))
-    for again in (False, True):
-        list(promises.rows(DROP, found, tmp_path, again))
-    half = len(asked) // 2
-    assert asked == [False] * half + [True] * half
-    assert half
 
 
 def test_scenes_and_options_are_checked(tmp_path, capsys):

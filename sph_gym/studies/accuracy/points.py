@@ -157,7 +157,8 @@ def point(
     if not record.exists():
         _run()
     elif times.exists() and not again:
-        taken = json.loads(times.read_text())
+        # in place, since further runs are entered there
+        taken.update(json.loads(times.read_text()))
     found = json.loads(record.read_text())
     while not _enough(found, taken, repeats):
         _run()

@@ -9,7 +9,14 @@ import pytest
 from sph_gym import Simulation, scenes
 from sph_gym.__main__ import main
 from sph_gym.studies import accuracy
-from sph_gym.studies.accuracy import plan, points, policies, problems, promises, study
+from sph_gym.studies.accuracy import (
+    luck,
+    plan,
+    points,
+    policies,
+    problems,
+    study,
+)
 from sph_gym.studies.accuracy.running import execute
 from sph_gym.studies.accuracy.settings import build, nominal
 
@@ -26,7 +33,6 @@ def steady_clock(monkeypatch):
     """A benchmark that takes no time."""
     monkeypatch.setattr(points, "rate", lambda: 1e6)
     monkeypatch.setattr(points, "PATIENCE", 0.0)
-    monkeypatch.setattr("sph_gym.studies.accuracy.tables.rate", lambda seconds: 1e6)
 
 
 @pytest.fixture
@@ -196,17 +202,6 @@ def test_halving_the_step_doubles_the_steps():
     assert half.substeps == pytest.approx(2 * one.substeps, rel=0.15)
 
 
-def test_luck_does_not_count():
-    runs = [drop(across=n) for n in (6, 8, 10)] + [drop(kernel="spiky")]
-    errors = [0.03, 0.001, 0.01, 0.002]
-    plain = points.Point("drop", "", drop(), 0.1, 0, "", 1, 9, 9, 9, 1, 1, 1, 1, 1, 0, 0, "")
-    found = [plain._replace(setting=s, error=e) for s, e in zip(runs, errors, strict=True)]
-    assert [point.error for point in points.sober(found)] == [0.03, 0.01, 0.01]
-    assert points.sober(found[1:]) == []
-    blown = found[0]._replace(error=math.nan, cause="blew up")
-    assert points.sober([blown, *found[1:]]) == []
-
-
 # --- controllers ----------------------------------------------------------------------------
 
 
@@ -233,6 +228,20 @@ def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
     found = points.point(DROP, "controller", drop(controller="ppo"), tmp_path, repeats=1)
     assert not found.good
     assert found.cause == "its agent blew up"
+    start = points.point(DROP, "nominal", drop(), tmp_path, repeats=2)
+    rows = list(study.rows(DROP, luck.at_usual_speed([start, found])))
+    [blown] = [row for row in rows if row.quantity == "runs that blew up"]
+    assert blown.value == 1
+    timed = [row for row in rows if "time" in row.quantity and "cheapest" not in row.quantity]
+    assert timed
+    assert all(math.isfinite(row.value) for row in timed)
+    noisy = start._replace(spread=2.0)
+    kept, broken = (
+        next(row for row in study.rows(DROP, [run]) if row.quantity.startswith("range of"))
+        for run in (start._replace(spread=0.1), noisy)
+    )
+    assert kept.holds
+    assert not broken.holds
 
 
 # --- the study ------------------------------------------------------------------------------
@@ -262,35 +271,6 @@ def test_the_study_writes_rows_tables_and_pictures_and_goes_on_where_it_was(
         assert (folder / f"{name}.png").stat().st_size > 20_000
     monkeypatch.setattr(points, "execute", lambda *a: pytest.fail("run again"))
     assert list(study.measure(False, tmp_path)) == rows
-
-
-def test_a_promise_that_is_broken_is_a_row_that_fails(tmp_path):
-    found = [
-        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
-    ]
-    kept = [row for row in promises.rows(DROP, found, tmp_path) if "error" in row.quantity]
-    assert kept
-    assert all(row.holds for row in kept)
-    lied = [point._replace(error=point.error / 4) for point in found]
-    broken = [row for row in promises.rows(DROP, lied, tmp_path) if "error" in row.quantity]
-    assert all(not row.holds for row in broken)
-    [none] = promises.rows(DROP, found[:2], tmp_path)
-    assert not none.holds
-
-
-def test_promises_are_tried_between_the_resolutions(tmp_path, monkeypatch):
-    found = [
-        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
-    ]
-    tried = []
-    real = promises.point
-    monkeypatch.setattr(
-        promises, "point", lambda *a, **k: tried.append((a[2].across, k["other"])) or real(*a, **k)
-    )
-    list(promises.rows(replace(DROP, other={"rate": 60.0}), found, tmp_path))
-    assert {across for across, other in tried if not other} <= {7, 9}
-    # 6 across: the coarsest, by which the promise is corrected
-    assert 6 in {across for across, other in tried if other} <= {6, 7, 9}
 
 
 def test_scenes_and_options_are_checked(tmp_path, capsys):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from sph_gym.studies.accuracy import figures, fronts
+from sph_gym.studies.accuracy import axes, fronts
 
 
 class Run(NamedTuple):
@@ -85,7 +85,7 @@ def test_the_gain_is_against_the_first_run():
 
 @pytest.mark.parametrize("ends", [(0.011, 0.9), (1.2, 2.9), (3e5, 2e9), (0.97, 1.6), (0.1, 9)])
 def test_ticks_are_few_round_numbers_within(ends):
-    found = figures.ticks(*ends)
+    found = axes.ticks(*ends)
     assert 3 <= len(found) <= 10
     assert all(ends[0] <= tick <= ends[1] for tick in found)
     assert np.all(np.diff(found) > 0)

@@ -61,6 +61,7 @@ def ours(scene, error, wall, across=40):
         0.0,
         0,
         "key",
+        1e6,
     )
 
 
@@ -82,6 +83,7 @@ def test_a_script_is_run_once(peers, tmp_path):
     [kept] = (tmp_path / "kept" / "peer").glob("*.json")
     kept.write_text(json.dumps(json.loads(kept.read_text()) | {"seconds": 5.0}))
     assert peer.run(peers, "elliptical_drop", 20, tmp_path / "kept") == first._replace(wall=5.0)
+    assert peer.run(peers, "elliptical_drop", 20, tmp_path / "kept", again=True) == first
 
 
 def test_the_experiment_has_no_error(peers, tmp_path):

@@ -40,8 +40,10 @@ def test_walls_limit_what_is_swept():
 class Faked:
     """A run whose error and work follow from its setting."""
 
-    def __init__(self, setting, good=True):
-        self.setting = setting
+    cause = ""
+
+    def __init__(self, setting, good=True, knob=""):
+        self.setting, self.knob = setting, knob
         self.error = 0.1 / setting.across * (1.01 if setting.step > 1 else 1.0)
         self.interactions = setting.across**3 / setting.step * setting.sound
         self.good = good
@@ -56,6 +58,19 @@ def test_settings_are_combined_while_they_pay():
         found |= {s: Faked(s) for s in plan.ladder(small, DROP, line)}
     assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0), (1.5, 0.5)]
     assert all(line.across == 0 for line in chain)
+
+
+def test_the_best_values_are_also_run_by_themselves():
+    small = SMALL._replace(controllers=(), widths=(0.8, 0.9))
+    found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
+    for run in found.values():
+        run.interactions *= run.setting.width
+    # dt is left to the chain, since no error depends on it by chance
+    assert plan.alone(small, DROP, found) == [
+        nominal(DROP).line._replace(width=2.72),
+        nominal(DROP).line._replace(sound=0.5),
+    ]
+    assert plan.alone(small._replace(chain=False), DROP, found) == []
 
 
 def test_a_line_that_blew_up_is_not_built_upon():
@@ -78,6 +93,41 @@ def test_a_gain_is_the_lower_median_of_all_resolutions():
     assert math.isnan(gains.gain(ladder, faster[:1], "interactions"))
     faster[0].good = False
     assert math.isnan(gains.gain(ladder, faster, "interactions"))
+
+
+def test_a_gain_compares_errors_at_common_resolutions():
+    ladder = [Faked(nominal(DROP, n)) for n in (6, 8, 10, 14, 20)]
+    # a late one that counts for all that are coarser
+    ladder[-1].error = 1.0
+    same = [Faked(run.setting._replace(sound=0.5)) for run in ladder[:3]]
+    assert gains.gain(ladder, same, "interactions") == pytest.approx(2.0)
+
+
+def test_what_a_value_buys_is_told_of_all_resolutions():
+    start = [Faked(nominal(DROP, n), knob="resolution") for n in (6, 8, 10, 14, 20)]
+    lucky = [Faked(run.setting._replace(kernel="spiky"), knob="kernel") for run in start]
+    honest = [Faked(run.setting._replace(kernel="mueller"), knob="kernel") for run in start[:3]]
+    for run in lucky:
+        run.error = 0.1 / 20
+    for run in lucky[3:]:
+        run.knob = plan.COMBINED
+    points = [*start, *lucky, *honest]
+    by_value = {found.value: found for found in gains.values(points, "kernel", "interactions")}
+    assert by_value["spiky"].gain > 2
+    assert by_value["spiky"].sizes == 3
+    found = gains.best(points, "kernel", "interactions")
+    assert (found.value, found.sizes) == ("spiky", 5)
+    assert found.gain < by_value["spiky"].gain
+
+
+def test_steps_beyond_the_longest_are_nobodys_best():
+    start = [Faked(nominal(DROP, n), knob="resolution") for n in (6, 8, 10)]
+    turned = [
+        Faked(run.setting._replace(step=step), knob="step") for run in start for step in (1.5, 2.0)
+    ]
+    for run in turned:
+        run.error = 0.1 / run.setting.across
+    assert gains.best([*start, *turned], "step", "interactions").value == "1.5"
 
 
 def test_agents_are_where_they_can_be():

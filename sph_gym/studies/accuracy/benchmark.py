@@ -11,8 +11,6 @@ from sph_gym.studies.timing import Runner, own_clock
 SIZE, WORK = 1000, 200_000
 # Seconds that a measurement takes: a careful one, and one beside a run of the study.
 CAREFUL, BRIEF = 2.0, 0.1
-# Particle-steps per second of the machine on which processor times are told.
-STANDARD = 1e7
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The pictures: a work-precision diagram of every scene, and all scenes at a glance."""
+"""The picture of a scene: its work-precision diagram, over time and over work."""
 
 import math
 import textwrap
@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.studies.accuracy import fronts, gains
+from sph_gym.studies.accuracy import gains, luck
+from sph_gym.studies.accuracy.axes import figure_of, readable, save, widen
 from sph_gym.studies.accuracy.plan import COMBINED, knobs, rungs
-from sph_gym.studies.accuracy.points import Point, sober
+from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.policies import needs_schedule
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.settings import nominal
 
@@ -32,38 +34,18 @@ SHORT = {
 }  # fmt: skip
 # Of the size of a front: how far apart points that are numbered are at least.
 APART = 0.14
-# Largest over smallest error of an axis, at least.
-LEAST_RANGE = 8.0
 LUCK = (
-    "Luck apart: on the front are settings that were run at several resolutions, and an error "
+    "Luck apart: on the front are settings that were run up to the finest resolution, and an error "
     "counts at least as much as those of finer runs of the same settings."
 )
-# Digits of the numbers on an axis, the fewest first.
-TICKS: tuple[tuple[float, ...], ...] = (
-    (1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 5, 7), (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8),
-    tuple(k / 10 for k in range(10, 100)),
-)  # fmt: skip
+SCATTER = "No front: errors are within their scatter."
+CLOCK = "Times are corrected for the machine's momentary speed by a benchmark beside each run."
+THINKING = "* What the agent itself takes to think isn't counted."
 # Cost and its label, of the two panels.
 PANELS = (
-    ("cost", "processor seconds per simulated second, one thread"),
+    ("cost", "corrected processor seconds per simulated second, one thread"),
     ("pairs", "pair interactions per simulated second"),
 )
-
-
-def figure_of(width: float, height: float) -> Any:
-    """An empty figure. Raises ImportError that names the extra to install."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError('plots need more: pip install "sph_gym[studies]"') from None
-    return Figure(figsize=(width, height))
-
-
-def save(figure: Any, path: Path) -> Path:
-    """Write a figure as PNG; its path."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150)
-    return path
 
 
 # --- One scene ------------------------------------------------------------------------------
@@ -74,7 +56,7 @@ def draw(scene: Problem, points: Sequence[Point], path: Path) -> Path:
     figure = figure_of(12, 8)
     every = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(left=0.07, right=0.95, top=0.88, bottom=0.4, wspace=0.06)
-    best = fronts.front(sober(points), "cost")
+    best = luck.front(points, "cost")
     for axes, (cost, label) in zip(every, PANELS, strict=True):
         _draw_panel(axes, scene, points, cost)
         axes.set_xlabel(label)
@@ -87,7 +69,7 @@ def draw(scene: Problem, points: Sequence[Point], path: Path) -> Path:
         handles, labels, frameon=False, ncols=6, fontsize=8.5, loc="upper center",
         bbox_to_anchor=(0.51, 0.33),
     )  # fmt: skip
-    _explain(figure, scene, best)
+    _explain(figure, scene, points, best)
     figure.suptitle(_title(scene), fontsize=13, x=0.07, ha="left", y=0.97)
     figure.text(0.07, 0.905, _conclusion(scene, points), fontsize=10, color="#333333")
     return save(figure, path)
@@ -99,7 +81,7 @@ def _title(scene: Problem) -> str:
 
 def _conclusion(scene: Problem, points: Sequence[Point]) -> str:
     """What the diagram shows, in one line."""
-    gain = gains.headline(points, sober(points), "cost")
+    gain = gains.headline(points, luck.sober(points), "cost")
     if not math.isfinite(gain):
         return "Errors hardly depend on resolution, so that there is no gain at equal error."
     return (
@@ -122,11 +104,13 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
         [value(p, cost) for p in combined], [100 * p.error for p in combined], ".",
         color="#999999", markersize=6, label="other runs",
     )  # fmt: skip
-    best = fronts.front(sober(points), "cost" if cost == "cost" else "interactions")
-    axes.plot(
-        [value(p, cost) for p in best], [100 * p.error for p in best], "-", color="#FFC20A",
-        linewidth=7, alpha=0.55, solid_capstyle="round", label="Pareto front, luck apart", zorder=1,
-    )  # fmt: skip
+    best = luck.front(points, "cost" if cost == "cost" else "interactions")
+    if best:
+        axes.plot(
+            [value(p, cost) for p in best], [100 * p.error for p in best], "-", color="#FFC20A",
+            linewidth=7, alpha=0.55, solid_capstyle="round", zorder=1,
+            label="Pareto front, luck apart",
+        )  # fmt: skip
     axes.plot(
         [value(p, cost) for p in ladder], [100 * p.error for p in ladder], "o-", color="black",
         markersize=5, linewidth=1.6, label="resolution, all else nominal", zorder=4,
@@ -176,10 +160,15 @@ def _draw_arms(axes: Any, points: Sequence[Point], cost: str) -> None:
 def _name_controllers(axes: Any, turned: Sequence[Point], cost: str) -> None:
     for point in turned:
         axes.annotate(
-            point.setting.controller.replace("_", " "), (value(point, cost), 100 * point.error),
+            agent_name(point.setting.controller), (value(point, cost), 100 * point.error),
             xytext=(18, -24), textcoords="offset points", fontsize=8, color="#5A5000", zorder=9,
             arrowprops={"arrowstyle": "-", "color": "#5A5000", "lw": 0.6},
         )  # fmt: skip
+
+
+def agent_name(controller: str) -> str:
+    """Of a controller; with an asterisk if what it thinks isn't in its time."""
+    return controller.replace("_", " ") + ("*" if needs_schedule(controller) else "")
 
 
 def _slopes(axes: Any, start: Point, cost: str) -> None:
@@ -202,46 +191,6 @@ def _mark_ends(axes: Any, scene: Problem, ladder: Sequence[Point], cost: str) ->
                 f"{scene.length} / {end.setting.across}", (value(end, cost), 100 * end.error),
                 xytext=place, textcoords="offset points", fontsize=8.5, ha=side, zorder=7,
             )  # fmt: skip
-
-
-def widen(axes: Any) -> None:
-    """Leave room around errors that hardly differ, so that they look as if they hardly did."""
-    low, high = axes.get_ylim()
-    room = math.sqrt(max(LEAST_RANGE / (high / low), 1.0))
-    axes.set_ylim(low / room, high * room)
-
-
-def readable(axes: Any) -> None:
-    """Plain numbers on the error axis, a light grid, and the errors that people ask for."""
-    from matplotlib.ticker import FuncFormatter, NullFormatter
-
-    for axis, ends in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        axis.set_ticks(ticks(*ends))
-        axis.set_minor_formatter(NullFormatter())
-        axis.set_major_formatter(FuncFormatter(lambda number, _: _plain(number)))
-    axes.grid(alpha=0.25)
-
-
-def ticks(low: float, high: float) -> list[float]:
-    """Round numbers between two others on a log scale, neither too many nor too few."""
-    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    found: list[float] = []
-    for digits in TICKS:
-        found = [d * 10.0**k for k in decades for d in digits]
-        found = [number for number in found if low <= number <= high]
-        if len(found) >= 3:
-            break
-    return found
-
-
-def _plain(number: float) -> str:
-    """As a person writes it: powers of ten only where there would be many zeros."""
-    if 1e-3 <= number < 1e4:
-        return f"{number:g}"
-    exponent = math.floor(math.log10(number) + 1e-9)
-    digits = number / 10.0**exponent
-    head = "" if abs(digits - 1) < 1e-6 else rf"{digits:g} \cdot "
-    return f"${head}10^{{{exponent}}}$"
 
 
 def _number(axes: Any, best: Sequence[Point]) -> None:
@@ -268,17 +217,20 @@ def _numbered(best: Sequence[Point]) -> list[Point]:
     return [best[k] for k in [*chosen, len(best) - 1]]
 
 
-def _explain(figure: Any, scene: Problem, best: Sequence[Point]) -> None:
-    """What the numbered points are, in two columns, and how the error converges."""
+def _explain(figure: Any, scene: Problem, points: Sequence[Point], best: Sequence[Point]) -> None:
+    """What the numbered points are, in two columns, how the error converges, what times are."""
     numbered = _numbered(best)
     half = -(-len(numbered) // 2)
-    head = "On the front: error, processor time of the whole run, and what is set"
-    figure.text(0.07, 0.228, head, fontsize=8.5, color="#333333")
+    head = "On the front at the left: error, processor time of the whole run, and what is set"
+    figure.text(0.07, 0.228, head if best else SCATTER, fontsize=8.5, color="#333333")
     for k, point in enumerate(numbered):
         text = f"{k + 1}  {100 * point.error:.2g} %, {point.time:.2g} s: {_name(scene, point)}"
         figure.text(0.07 + 0.46 * (k // half), 0.2 - 0.028 * (k % half), text, fontsize=8.5)
-    note = textwrap.fill(scene.note + " " + LUCK, 160)
-    figure.text(0.07, 0.035, note, fontsize=9, style="italic", color="#333333", linespacing=1.5)
+    agents = any(point.good and needs_schedule(point.setting.controller) for point in points)
+    said = [scene.note, LUCK if best else "", CLOCK, THINKING if agents else ""]
+    note = textwrap.fill(" ".join(filter(None, said)), 160)
+    foot = 0.02 if best else 0.14
+    figure.text(0.07, foot, note, fontsize=9, style="italic", color="#333333", linespacing=1.5)
 
 
 def _name(scene: Problem, point: Point) -> str:

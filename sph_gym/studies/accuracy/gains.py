@@ -1,7 +1,7 @@
 """What each knob buys: its values against the nominal ones, at several resolutions each."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import median_low
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -13,6 +13,9 @@ from sph_gym.studies.accuracy.settings import Setting
 
 # Resolutions at which a value must have been tried: at one, its error may just cross zero.
 FEWEST = 2
+# Of the stable step: nobody is advised to go beyond it, for the limit is near, and where it lies
+# depends on all the rest.
+LONGEST = 1.5
 
 
 class Tried(Known, Protocol):
@@ -54,35 +57,38 @@ def gain(ladder: Sequence[Tried], tried: Sequence[Tried], cost: str) -> float:
     """How many times faster one setting is than the nominal one at equal error.
 
     ladder: the nominal runs at all resolutions; tried: those of the setting. An error counts as
-    much as those of finer runs of its kind, and of all resolutions the (lower) median counts.
-    NaN unless it went well at two of them.
+    much as those of finer runs of its kind, as far as both have them, and of all resolutions the
+    (lower) median counts. NaN unless it went well at two of them.
     """
-    if len(tried) < FEWEST or not all(run.good for run in tried):
+    if not all(run.good for run in tried):
         return math.nan
-    known = {run.setting.across: run for run in ladder if run.good}
+    theirs = {run.setting.across: run for run in tried}
+    known = {run.setting.across: run for run in ladder if run.good and run.setting.across in theirs}
     found = []
-    for run in tried:
-        across = run.setting.across
-        if across in known:
-            errors = _error(ladder, across), _error(tried, across)
-            costs = getattr(known[across], cost), getattr(run, cost)
-            found.append(fronts.worth(errors, costs, ladder, cost))
+    for across, start in known.items():
+        errors = _error(known, across), _error({n: theirs[n] for n in known}, across)
+        costs = getattr(start, cost), getattr(theirs[across], cost)
+        found.append(fronts.worth(errors, costs, ladder, cost))
     return median_low(found) if len(found) >= FEWEST else math.nan
 
 
-def _error(runs: Sequence[Tried], across: int) -> float:
+def _error(runs: Mapping[int, Tried], across: int) -> float:
     """At a resolution, or at a finer one if it is larger there."""
-    return max(run.error for run in runs if run.good and run.setting.across >= across)
+    return max(run.error for n, run in runs.items() if n >= across)
 
 
 def values(points: Sequence[Run], knob: str, cost: str) -> list[Value]:
     """Every value of a knob that was turned alone."""
-    ladder = [found for found in points if found.knob in ("nominal", "resolution")]
+    ladder = _ladder(points)
     groups: dict[str, list[Run]] = {}
     for found in points:
         if found.knob == knob:
             groups.setdefault(str(getattr(found.setting, knob)), []).append(found)
     return [_value(knob, value, ladder, runs, cost) for value, runs in groups.items()]
+
+
+def _ladder(points: Sequence[Run]) -> list[Run]:
+    return [found for found in points if found.knob in ("nominal", "resolution")]
 
 
 def _value(knob: str, value: str, ladder: Sequence[Run], runs: Sequence[Run], cost: str) -> Value:
@@ -100,14 +106,31 @@ def _factor(pairs: Sequence[tuple[Run, Run]], name: str) -> float:
 
 
 def best(points: Sequence[Run], knob: str, cost: str) -> Value | None:
-    """The value that buys most; None where none went well at several resolutions."""
+    """The value that buys most where all were tried; None where none went well there.
+
+    What it buys is then told of all resolutions at which it was run, the finer ones too.
+    """
+    bold = {str(p.setting.step) for p in points if p.setting.step > LONGEST}
     known = [value for value in values(points, knob, cost) if math.isfinite(value.gain)]
-    return max(known, key=lambda value: value.gain, default=None)
+    allowed = [value for value in known if knob != "step" or value.value not in bold]
+    for value in sorted(allowed, key=lambda value: value.gain, reverse=True):
+        found = _value(knob, value.value, _ladder(points), _alike(points, knob, value), cost)
+        if math.isfinite(found.gain):
+            return found
+    return None
+
+
+def _alike(points: Sequence[Run], knob: str, value: Value) -> list[Run]:
+    """All runs in which only this knob has this value, also those that were made for a line."""
+    turned = next(
+        p for p in points if p.knob == knob and str(getattr(p.setting, knob)) == value.value
+    )
+    return [p for p in points if p.setting.line == turned.setting.line]
 
 
 def elasticity(points: Sequence[Run], knob: str, cost: str) -> float:
     """d log error / d log cost over the values of a knob; the median over all resolutions."""
-    ladder = [found for found in points if found.knob in ("nominal", "resolution")]
+    ladder = _ladder(points)
     if knob == "resolution":
         return fronts.elasticity(ladder, cost)
     found = []
@@ -124,7 +147,7 @@ def headline(points: Sequence[Run], lines: Sequence[Run], cost: str) -> float:
 
     lines: the runs that count, with errors without luck.
     """
-    ladder = [found for found in points if found.knob in ("nominal", "resolution")]
+    ladder = _ladder(points)
     start = next((run for run in lines if run.setting == ladder[0].setting), None)
     if start is None or fronts.flat(ladder, cost):
         return math.nan

@@ -16,7 +16,8 @@ import numpy as np
 from sph_gym.scenes.free_bodies import ellipse
 from sph_gym.scenes.martin_moyce import SHIFTS, front_error
 from sph_gym.studies.accuracy import fronts
-from sph_gym.studies.accuracy.points import Point, save, sober
+from sph_gym.studies.accuracy.luck import sober
+from sph_gym.studies.accuracy.points import Point, save
 from sph_gym.studies.accuracy.recommend import envelope
 from sph_gym.studies.peers import PeerError, Peers
 from sph_gym.studies.table import Row
@@ -52,17 +53,18 @@ def check(peers: Peers) -> None:
         raise ValueError(f"--peers: no {peers.folder / SCRIPT}")
 
 
-def rows(peers: Peers, points: Sequence[Point], folder: Path) -> Iterator[Row]:
+def rows(peers: Peers, points: Sequence[Point], folder: Path, again: bool = False) -> Iterator[Row]:
     """Errors and times of the peer, and how many times as fast ours is at equal error.
 
-    A script that fails is told of, and gives a row without a number, which doesn't hold.
+    again: run the peer anew. A script that fails is told of, and gives a row without a number,
+    which doesn't hold.
     """
     for scene, sizes in SIZES.items():
         ours = [point for point in points if point.scene == scene]
         if not ours:
             continue
         try:
-            theirs = [run(peers, scene, across, folder) for across in sizes]
+            theirs = [run(peers, scene, across, folder, again) for across in sizes]
         except PeerError as error:
             print(f"{peers.folder / SCRIPT}: {error}", file=sys.stderr)
             yield Row(f"times as fast as {NAME}", scene, math.nan, "", FASTER, at_least=True)
@@ -106,12 +108,12 @@ def at_least(theirs: Sequence[Found], target: float, clock: str) -> float:
     return math.exp(float(np.interp(-math.log(target), -np.log(errors), times)))
 
 
-def run(peers: Peers, scene: str, across: int, folder: Path) -> Found:
-    """A run of the script, from the folder if it is there. Raises PeerError."""
+def run(peers: Peers, scene: str, across: int, folder: Path, again: bool = False) -> Found:
+    """A run of the script, from the folder if it is there, unless `again`. Raises PeerError."""
     script = (peers.folder / SCRIPT).resolve()
     key = hashlib.sha256(script.read_bytes() + f"{scene} {across} {peers.python}".encode())
     path = folder / "peer" / f"{scene}-{across}-{key.hexdigest()[:16]}.json"
-    if not path.exists():
+    if again or not path.exists():
         save(path, _call(peers, script, scene, across))
     seen = json.loads(path.read_text())
     error = {"elliptical_drop": tip_error, "dam_break": surge_error}[scene](seen)

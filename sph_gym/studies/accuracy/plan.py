@@ -7,14 +7,14 @@ from typing import Any, NamedTuple, TypeVar
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import KERNELS
 from sph_gym.solver.simulation import DTYPES
-from sph_gym.studies.accuracy.gains import Tried, Turned, gain
+from sph_gym.studies.accuracy.gains import LONGEST, Tried, Turned, gain
 from sph_gym.studies.accuracy.policies import RULES, available
 from sph_gym.studies.accuracy.problems import Problem, names
 from sph_gym.studies.accuracy.settings import DENSITIES, FIXED, Setting, nominal
 
 # Beyond this h / dx nobody goes: 50 neighbours.
 WIDEST = 5.0
-# At how many resolutions the knobs are turned: the nominal one and the next coarser.
+# At how many resolutions the knobs are turned: the nominal one and the next two coarser.
 TURNED = 3
 # Knobs whose values are numbers, for which an elasticity makes sense; runs of several at once.
 NUMBERS = ("resolution", "width", "step", "sound", "xsph")
@@ -23,9 +23,8 @@ COMBINED = "combined"
 CHAIN = ("dtype", "step", "sound", "width", "kernel", "density", "integrator", "xsph")
 # What a value must buy by itself to be taken over.
 WORTHWHILE = 1.1
-# Of the stable step: nobody is advised to go beyond it, for the limit is near, and where it lies
-# depends on all the rest.
-LONGEST = 1.5
+# Knobs whose best value is also run by itself at all resolutions, where its luck ends.
+ALONE = ("width", "kernel", "density", "sound")
 
 
 class Plan(NamedTuple):
@@ -120,27 +119,44 @@ def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> Itera
     well at every resolution. found: the runs so far, to which those of a line have been added
     when the next one is asked for.
     """
-    swept = list(sweeps(plan, problem))
-    start = swept[0][1]
-    nominal_line = [found[s] for knob, s in swept if knob in ("nominal", "resolution")]
+    start = nominal(problem, middle(plan, problem))
+    nominal_line = ladder(plan, problem, start.line)
+    values = _worthwhile(plan, problem, found) if plan.chain else {}
     present, best = start, 1.0
-    for knob in CHAIN if plan.chain else ():
-        tried: dict[Any, list[Tried]] = {}
-        for name, s in swept:
-            if name == knob and s.step <= LONGEST:
-                tried.setdefault(getattr(s, knob), []).append(found[s])
-        gains = {value: _gain(nominal_line, runs, knob) for value, runs in tried.items()}
-        value = max(gains, key=lambda value: gains[value], default=None)
-        if value is None or gains[value] < WORTHWHILE:
-            continue
+    for knob, value in values.items():
         bold = present._replace(**{knob: value})
         yield bold.line
         runs = [found[s] for s in ladder(plan, problem, bold.line)]
-        bought = _gain(nominal_line, runs, "dtype" if bold.dtype != start.dtype else "")
+        changed = "dtype" if bold.dtype != start.dtype else ""
+        bought = _gain([found[s] for s in nominal_line], runs, changed)
         if bought > best:
             present, best = bold, bought
     if plan.chain and "tuned_cfl" in plan.controllers:
         yield start.line._replace(dtype=present.dtype, controller="tuned_cfl")
+
+
+def alone(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> list[Setting]:
+    """Settings, at no resolution, in which one knob has its best value: are they more than luck?"""
+    line = nominal(problem, middle(plan, problem)).line
+    values = _worthwhile(plan, problem, found) if plan.chain else {}
+    return [line._replace(**{knob: values[knob]}) for knob in ALONE if knob in values]
+
+
+def _worthwhile(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> dict[str, Any]:
+    """Of each knob of the chain the value that buys most by itself, if it buys enough."""
+    swept = list(sweeps(plan, problem))
+    nominal_line = [found[s] for knob, s in swept if knob in ("nominal", "resolution")]
+    values = {}
+    for knob in CHAIN:
+        tried: dict[Any, list[Tried]] = {}
+        for name, s in swept:
+            if name == knob and s.step <= LONGEST:
+                tried.setdefault(getattr(s, knob), []).append(found[s])
+        bought = {value: _gain(nominal_line, runs, knob) for value, runs in tried.items()}
+        value = max(bought, key=lambda value: bought[value], default=None)
+        if value is not None and bought[value] >= WORTHWHILE:
+            values[knob] = value
+    return values
 
 
 def _gain(nominal_line: Sequence[Tried], runs: Sequence[Tried], knob: str) -> float:

@@ -7,7 +7,6 @@ with all that they depend on; times lie in another, so that they can be taken an
 import hashlib
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -19,15 +18,13 @@ import sph_gym
 from sph_gym.solver.jit import source_hash
 from sph_gym.studies import machine
 from sph_gym.studies.accuracy import policies
-from sph_gym.studies.accuracy.benchmark import STANDARD, rate
+from sph_gym.studies.accuracy.benchmark import rate
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.running import Outcome, execute
 from sph_gym.studies.accuracy.settings import Setting, build
 
 # What is short is run more often, up to so much time [s] and so many runs.
 PATIENCE, MOST = 0.3, 5
-# Resolutions that a line has at least.
-FEWEST = 3
 # An error above this is none that a diagram could show: 1000 %.
 ABSURD = 10.0
 # Of an agent that doesn't get to the end of its own episode.
@@ -43,7 +40,8 @@ class Point(NamedTuple):
     on the wall and of the thread's processor time; rate: of the benchmark right before and after
     [particle-steps/s]; effort: median of own times rate, the particle-steps of the benchmark that
     take as long; runs: of which these are medians, spread: the range of their efforts / the
-    median; differing: runs whose error differed, which should be none.
+    median; differing: runs whose error differed, which should be none; speed: of the
+    benchmark on the machine on which times are told.
     """
 
     scene: str
@@ -64,11 +62,12 @@ class Point(NamedTuple):
     spread: float
     differing: int
     key: str
+    speed: float
 
     @property
     def time(self) -> float:
-        """Processor seconds of the whole run, one thread, on a machine of the standard rate."""
-        return self.effort / STANDARD
+        """Processor seconds of the whole run, one thread, while the machine has its `speed`."""
+        return self.effort / self.speed
 
     @property
     def cost(self) -> float:
@@ -84,30 +83,6 @@ class Point(NamedTuple):
     def good(self) -> bool:
         """Whether it came to an end with an error worth the name."""
         return 0 < self.error < ABSURD
-
-
-def sober(points: Sequence[Point]) -> list[Point]:
-    """Those on lines, and no error smaller than that of finer runs of the same line.
-
-    A line is one setting at several resolutions, at none of which it blew up. An error that
-    crosses zero is tiny for a moment, which says nothing of its neighbours; a single run can't
-    be told from such a moment.
-    """
-    lines: dict[Setting, list[Point]] = {}
-    for found in points:
-        lines.setdefault(found.setting.line, []).append(found)
-    kept = {line for line, runs in lines.items() if _whole(runs)}
-    return [_no_better(p, lines[p.setting.line]) for p in points if p.setting.line in kept]
-
-
-def _whole(runs: Sequence[Point]) -> bool:
-    sizes = {found.setting.across for found in runs}
-    return len(sizes) >= FEWEST and all(found.good for found in runs)
-
-
-def _no_better(found: Point, alike: Sequence[Point]) -> Point:
-    finer = [other.error for other in alike if other.setting.across >= found.setting.across]
-    return found._replace(error=max(finer))
 
 
 # --- On disk --------------------------------------------------------------------------------
@@ -182,7 +157,8 @@ def point(
     if not record.exists():
         _run()
     elif times.exists() and not again:
-        taken = json.loads(times.read_text())
+        # in place, since further runs are entered there
+        taken.update(json.loads(times.read_text()))
     found = json.loads(record.read_text())
     while not _enough(found, taken, repeats):
         _run()
@@ -272,5 +248,5 @@ def _point(
         problem.scene, knob, setting, problem.metres(other) / setting.across, outcome["error"],
         outcome["cause"], outcome["seconds"], outcome["particles"], outcome["substeps"],
         outcome["interactions"], wall, own, rate_then, effort, len(taken["wall"]),
-        spread, taken["differing"], key,
+        spread, taken["differing"], key, rate_then,
     )  # fmt: skip

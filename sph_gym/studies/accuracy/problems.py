@@ -59,7 +59,8 @@ _PROBLEMS = (
         "elliptical_drop", "radius", (14, 20, 28, 40, 57, 80), 40,
         "error of the major semi-axis", "of the exact semi-axis",
         "First order in dx: the tip is a free surface, where the sums lack half of their "
-        "neighbours.",
+        "neighbours. With h = 2.38 dx or density by continuity errors cross zero while coarse and "
+        "then grow again, to 0.73 and 0.28 % at 80 across.",
         # radius and rate only change the units: nothing else can be asked of it
         order=0.8, joined=4,
     ),
@@ -89,7 +90,7 @@ _PROBLEMS = (
         "poiseuille", "height", (10, 14, 20, 28, 40, 57), 28,
         "largest velocity error at the tabulated times", "of Umax",
         "Second order and better while coarse, slower when fine, where "
-        " the late times are left, which converge with first order.",
+        "the late times are left, which converge with first order.",
         order=0.7, other={"reynolds": 6.0}, widest=3.0, joined=2,
     ),
     Problem(

@@ -6,11 +6,9 @@ resolutions, times what the line would have been wrong by about any of its own p
 one been missing: a lucky run promises nothing.
 """
 
-import csv
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,14 +18,14 @@ from numpy.typing import NDArray
 from sph_gym import scenes
 from sph_gym.solver.checks import known, positive
 from sph_gym.studies.accuracy.benchmark import CAREFUL, rate
-from sph_gym.studies.accuracy.points import FEWEST
+from sph_gym.studies.accuracy.gains import LONGEST
 from sph_gym.studies.accuracy.policies import RULES
 from sph_gym.studies.accuracy.problems import Problem, problem
 from sph_gym.studies.accuracy.running import execute
+from sph_gym.studies.accuracy.samples import FEWEST, Sample, read, whole
 from sph_gym.studies.accuracy.settings import FIXED, Setting
 
 Array = NDArray[np.float64]
-COLUMNS = ("scene", *Setting._fields, "error", "effort")
 # Of an error that is asked for.
 ROUNDING = 1e-9
 # Runs of which a probe takes the median time.
@@ -35,34 +33,27 @@ PROBES = 3
 UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
-class Sample(NamedTuple):
-    """A run as the table has it; effort: particle-steps of the benchmark that take as long."""
-
-    scene: str
-    setting: Setting
-    error: float
-    effort: float
-
-
 class Line(NamedTuple):
-    """One choice of the knobs: particles across, what is promised there, and the effort.
+    """One choice of the knobs at several resolutions.
 
-    error: the largest that was measured, at the coarsest or any finer resolution.
+    across, error, promised, effort: (n,) particles across, coarse first, the largest error that
+    was measured there or at finer ones, what is promised, and the effort.
     """
 
     setting: Setting
     across: Array
+    error: Array
     promised: Array
     effort: Array
-    error: float
 
     def at(self, across: int) -> "Choice":
         """Between the measured resolutions, on logarithmic scales."""
         x, known_at = math.log(across), np.log(self.across)
-        error, effort = (
-            math.exp(float(np.interp(x, known_at, np.log(y)))) for y in (self.promised, self.effort)
+        error, promised, effort = (
+            math.exp(float(np.interp(x, known_at, np.log(y))))
+            for y in (self.error, self.promised, self.effort)
         )
-        return Choice(self.setting._replace(across=across), error, effort)
+        return Choice(self.setting._replace(across=across), error, promised, effort)
 
     def choices(self) -> "list[Choice]":
         """At every whole number of particles across."""
@@ -70,10 +61,11 @@ class Line(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """A setting, the error that it promises, and its effort."""
+    """A setting, the error to expect, the one that is promised (at most), and the effort."""
 
     setting: Setting
     error: float
+    promised: float
     effort: float
 
 
@@ -81,16 +73,22 @@ class Choice(NamedTuple):
 
 
 def fit(samples: Iterable[Sample]) -> list[Line]:
-    """The lines of one scene; one on which a run blew up isn't offered to anybody."""
+    """The lines of one scene that may be offered: known up to its finest resolution.
+
+    None on which a run blew up, that needs an agent, or whose steps are near the limit.
+    """
     grouped: dict[Setting, list[Sample]] = {}
     for sample in samples:
         grouped.setdefault(sample.setting.line, []).append(sample)
-    return [_line(group) for group in grouped.values() if _offered(group)]
+    finest = max((s.setting.across for group in grouped.values() for s in group), default=0)
+    return [_line(group) for group in grouped.values() if _offered(group, finest)]
 
 
-def _offered(group: Sequence[Sample]) -> bool:
-    rule = group[0].setting.controller in (FIXED, *RULES)
-    return rule and len(group) >= FEWEST and all(sample.error > 0 for sample in group)
+def _offered(group: Sequence[Sample], finest: int) -> bool:
+    setting = group[0].setting
+    safe = setting.controller in (FIXED, *RULES) and setting.step <= LONGEST
+    known_up = whole([sample.setting for sample in group], finest)
+    return safe and known_up and all(sample.error > 0 for sample in group)
 
 
 def _line(group: Sequence[Sample]) -> Line:
@@ -99,9 +97,7 @@ def _line(group: Sequence[Sample]) -> Line:
     errors = np.array([sample.error for sample in group])
     effort = np.array([sample.effort for sample in group])
     worst = envelope(errors)
-    return Line(
-        group[0].setting.line, across, doubt(across, errors) * worst, effort, float(worst[0])
-    )
+    return Line(group[0].setting.line, across, worst, doubt(across, errors) * worst, effort)
 
 
 def envelope(errors: Array) -> Array:
@@ -125,14 +121,14 @@ def doubt(across: Array, errors: Array) -> float:
 def for_error(lines: Sequence[Line], error: float) -> Choice | None:
     """The cheapest choice that promises at most this error; None if there is none."""
     most = error * (1 + ROUNDING)
-    within = [choice for line in lines for choice in line.choices() if choice.error <= most]
+    within = [choice for line in lines for choice in line.choices() if choice.promised <= most]
     return min(within, key=lambda choice: choice.effort, default=None)
 
 
 def for_effort(lines: Sequence[Line], effort: float) -> Choice | None:
     """The choice that promises least with at most this effort; None if there is none."""
     within = [choice for line in lines for choice in line.choices() if choice.effort <= effort]
-    return min(within, key=lambda choice: (choice.error, choice.effort), default=None)
+    return min(within, key=lambda choice: (choice.promised, choice.effort), default=None)
 
 
 # Runs a setting of a case: its error, NaN after a blow-up, and its effort.
@@ -142,15 +138,17 @@ Probe = Callable[[Setting], tuple[float, float]]
 def corrected(line: Line, probe: Probe) -> Line | None:
     """A line in a case that it wasn't fitted to, by a run of its coarsest setting there.
 
-    Promises grow by measured / expected error, and never shrink, since one small error may be
-    luck; efforts change by measured / expected effort. None if that run blows up.
+    Errors and promises grow by measured / expected error, and never shrink, since one small error
+    may be luck; efforts change by measured / expected effort. None if that run blows up.
     """
     error, effort = probe(line.setting._replace(across=int(line.across[0])))
     if not error > 0:
         return None
-    factor = max(error / line.error, 1.0)
+    factor = max(error / line.error[0], 1.0)
     return line._replace(
-        promised=factor * line.promised, effort=effort / line.effort[0] * line.effort
+        error=factor * line.error,
+        promised=factor * line.promised,
+        effort=effort / line.effort[0] * line.effort,
     )
 
 
@@ -258,7 +256,7 @@ def _too_small(
     if not lines:
         return ValueError(f"{scene}: expected a case that holds out, but all settings blow up")
     ends = [choice for line in lines for choice in (line.at(int(line.across[k])) for k in (0, -1))]
-    known_values = [c.error if name == "error" else c.effort / speed for c in ends]
+    known_values = [c.promised if name == "error" else c.effort / speed for c in ends]
     unit = "" if name == "error" else " s"
     return ValueError(
         f"{name}: expected at least {min(known_values):.3g}{unit}, since for {scene} "
@@ -276,47 +274,3 @@ def parse_budget(text: str) -> float:
         raise ValueError(
             f"budget: expected a time above 0 such as 10s, 500ms or 2min, got {text!r}"
         ) from None
-
-
-# --- The table ------------------------------------------------------------------------------
-
-
-def read(scene: str, path: Path | None = None) -> list[Sample]:
-    """Samples of a scene, by default those that come with the package.
-
-    Raises ValueError if there are none.
-    """
-    place = resources.files("sph_gym.studies.accuracy") / "data" / f"{scene}.csv"
-    if path is None and not place.is_file():
-        raise ValueError(f"scene: expected one of {', '.join(shipped())}, got {scene!r}")
-    if path is not None and not path.is_file():
-        raise ValueError(f"table: expected a file of samples, got {str(path)!r}")
-    text = place.read_text() if path is None else path.read_text()
-    rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-    try:
-        return [_sample(row) for row in rows if row["scene"] == scene]
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"table: {path or place} is no table of samples: {error!r}") from None
-
-
-def shipped() -> list[str]:
-    """Scenes of which samples come with the package."""
-    folder = resources.files("sph_gym.studies.accuracy") / "data"
-    return sorted(file.name.removesuffix(".csv") for file in folder.iterdir())
-
-
-def _sample(row: dict[str, str]) -> Sample:
-    kinds = Setting.__annotations__
-    values = {name: kinds[name](row[name]) for name in Setting._fields}
-    return Sample(row["scene"], Setting(**values), float(row["error"]), float(row["effort"]))
-
-
-def write(samples: Iterable[Sample], path: Path, comment: str) -> None:
-    """Write a table that `read` takes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        file.write(f"# {comment}\n")
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for s in samples:
-            writer.writerow([s.scene, *s.setting, f"{s.error:.6g}", f"{s.effort:.6g}"])

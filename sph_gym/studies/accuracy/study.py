@@ -10,12 +10,14 @@ import numpy as np
 
 from sph_gym.solver.checks import known
 from sph_gym.studies.accuracy import fronts, gains, peer, promises, tables
+from sph_gym.studies.accuracy.luck import at_usual_speed, sober
 from sph_gym.studies.accuracy.plan import (
     COMBINED,
     FULL,
     NUMBERS,
     QUICK,
     Plan,
+    alone,
     knobs,
     ladder,
     lines,
@@ -23,7 +25,7 @@ from sph_gym.studies.accuracy.plan import (
     sizes,
     sweeps,
 )
-from sph_gym.studies.accuracy.points import Point, point, sober
+from sph_gym.studies.accuracy.points import Point, point
 from sph_gym.studies.accuracy.problems import Problem, problem
 from sph_gym.studies.accuracy.settings import Setting
 from sph_gym.studies.peers import Peers
@@ -31,6 +33,11 @@ from sph_gym.studies.table import Row
 
 FOLDER = Path("runs/studies")
 TIME = "cost"
+# Of the times of one point: a shared machine takes its share of single runs, and a median of
+# three needs two that agree.
+NOISE = 0.5
+# Lines that are run at all resolutions, usually.
+USUAL_LINES = 8
 
 
 class Shop(NamedTuple):
@@ -66,38 +73,46 @@ def measure(
     shop = Shop(folder / "accuracy", plan.repeats, again)
     output = folder / ("accuracy_quick" if quick else "accuracy")
     every: list[Point] = []
-    for name in chosen or plan.scenes:
+    wanted = list(chosen or plan.scenes)
+    for k, name in enumerate(wanted, 1):
         scene = problem(name)
-        points = collect(scene, plan, shop)
+        points = collect(scene, plan, shop, f"{name}, scene {k} of {len(wanted)}")
         every += points
         yield from rows(scene, points)
         if plan.promises:
-            yield from promises.rows(scene, points, shop.folder)
+            yield from promises.rows(scene, points, shop.folder, again)
         tables.write_scene(scene, points, output)
         tables.write_all(every, output)
     if peers is not None:
-        yield from peer.rows(peers, every, shop.folder)
+        yield from peer.rows(peers, every, shop.folder, again)
 
 
-def collect(scene: Problem, plan: Plan, shop: Shop) -> list[Point]:
+def collect(scene: Problem, plan: Plan, shop: Shop, title: str = "") -> list[Point]:
     """All points of a scene: the nominal one first, then its sweeps, then combined settings."""
     turned = list(sweeps(plan, scene))
-    # the chain is about as long as its knobs are many
-    with bar(scene.scene, len(turned) + 4 * len(sizes(plan, scene))) as progress:
+    with bar(title or scene.scene, len(turned) + USUAL_LINES * len(sizes(plan, scene))) as progress:
 
-        def get(knob: str, setting: Setting) -> Point:
-            found = shop.buy(scene, knob, setting)
+        def get(knob: str, setting: Setting, seller: Shop = shop) -> Point:
+            found = seller.buy(scene, knob, setting)
             progress.update()
             return found
 
         points = [get(knob, setting) for knob, setting in turned]
         have = {found.setting: found for found in points}
+
+        def climb(line: Setting, seller: Shop) -> None:
+            new = [setting for setting in ladder(plan, scene, line) if setting not in have]
+            progress.total = max(progress.total, len(points) + len(new))
+            for setting in new:
+                have[setting] = get(COMBINED, setting, seller)
+                points.append(have[setting])
+
         for line in lines(plan, scene, have):
-            for setting in ladder(plan, scene, line):
-                if setting not in have:
-                    have[setting] = get(COMBINED, setting)
-                    points.append(have[setting])
-    return points
+            climb(line, shop)
+        # here, errors are what counts
+        for line in alone(plan, scene, have):
+            climb(line, shop._replace(repeats=1))
+    return at_usual_speed(points)
 
 
 def bar(title: str, total: int) -> Any:
@@ -117,11 +132,7 @@ def rows(scene: Problem, points: Sequence[Point]) -> Iterator[Row]:
     yield Row("runs", scene.scene, len(points), "")
     yield Row("runs that blew up", scene.scene, sum(bool(p.cause) for p in points), "")
     yield Row("runs that differed when repeated", scene.scene, _differing(points), "", 0.0)
-    spreads = [found.spread for found in points if found.runs > 1]
-    if spreads:
-        yield Row("range of repeated times / median", scene.scene, float(np.median(spreads)), "")
-        shares = [found.own / found.wall for found in points if found.runs]
-        yield Row("processor time / wall clock", scene.scene, float(np.median(shares)), "")
+    yield from _times(scene, points)
     yield _order(scene, points)
     for knob in knobs(points):
         yield from _gains(scene, knob, points)
@@ -130,6 +141,18 @@ def rows(scene: Problem, points: Sequence[Point]) -> Iterator[Row]:
         # infinite: it was not reached
         seconds = math.inf if found is None else found.time
         yield Row(f"cheapest with {100 * target:g} %, processor time", scene.scene, seconds, "s")
+
+
+def _times(scene: Problem, points: Sequence[Point]) -> Iterator[Row]:
+    """How steady the times are; a run that blew up has none."""
+    timed = [found for found in points if found.runs > 1 and not found.cause]
+    if not timed:
+        return
+    spread = float(np.median([found.spread for found in timed]))
+    yield Row("range of repeated times / median", scene.scene, spread, "", NOISE)
+    share = float(np.median([found.own / found.wall for found in timed]))
+    yield Row("processor time / wall clock", scene.scene, share, "")
+    yield Row("benchmark, median", scene.scene, timed[0].speed, "particle-steps/s")
 
 
 def _differing(points: Sequence[Point]) -> float:

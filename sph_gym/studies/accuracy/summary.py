@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.studies.accuracy import fronts, gains
-from sph_gym.studies.accuracy.figures import STYLES, figure_of, readable, save, widen
+from sph_gym.studies.accuracy import gains, luck
+from sph_gym.studies.accuracy.axes import figure_of, readable, save, widen
+from sph_gym.studies.accuracy.figures import STYLES
 from sph_gym.studies.accuracy.plan import rungs
-from sph_gym.studies.accuracy.points import Point, sober
+from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.accuracy.problems import Problem, problem
 
 FRONT = "#D55E00"
@@ -32,7 +33,9 @@ def _draw_multiples(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> Non
     n_rows = -(-len(by_scene) // n_columns)
     grid = figure.subplots(n_rows, n_columns, squeeze=False)
     figure.subplots_adjust(left=0.09, right=0.985, top=0.86, bottom=0.1, wspace=0.32, hspace=0.62)
-    figure.supxlabel("processor seconds of the whole run, one thread", fontsize=9.5)
+    figure.supxlabel(
+        "processor seconds of the whole run, one thread, corrected by a benchmark", fontsize=9.5
+    )
     figure.supylabel("error [%]", fontsize=9.5)
     for axes in grid.flat[len(by_scene) :]:
         axes.set_visible(False)
@@ -47,14 +50,15 @@ def _draw_multiples(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> Non
 
 def _draw_small(axes: Any, name: str, points: Sequence[Point]) -> None:
     ladder = sorted((p for p in rungs(points) if p.good), key=lambda p: p.dx)
-    best = fronts.front(sober(points), "time")
+    best = luck.front(points, "time")
     for runs, style, colour, size in ((ladder, "o-", "black", 3.5), (best, "s--", FRONT, 3.0)):
         axes.plot(
             [p.time for p in runs], [100 * p.error for p in runs], style, color=colour,
             markersize=size, linewidth=1.3,
         )  # fmt: skip
-    gain = gains.headline(points, sober(points), "time")
+    gain = gains.headline(points, luck.sober(points), "time")
     bold = f"{gain:.1f} times at equal error" if math.isfinite(gain) else ""
+    bold = bold if best else "errors within scatter"
     axes.set_title(f"{name.replace('_', ' ')}\n{bold}", fontsize=8.5, pad=3)
     axes.set_xscale("log")
     axes.set_yscale("log")

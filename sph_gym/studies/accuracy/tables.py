@@ -6,25 +6,25 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym.studies import machine
-from sph_gym.studies.accuracy import figures, fronts, recommend, summary
+from sph_gym.studies.accuracy import figures, fronts, luck, recommend, summary
 from sph_gym.studies.accuracy import gains as buying
-from sph_gym.studies.accuracy.benchmark import CAREFUL, rate
 from sph_gym.studies.accuracy.plan import NUMBERS, knobs, rungs
-from sph_gym.studies.accuracy.points import Point, sober, sources
+from sph_gym.studies.accuracy.points import Point, sources
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.promises import samples
+from sph_gym.studies.accuracy.samples import Sample, write
 
 TIME = "cost"
 
 
 def write_scene(scene: Problem, points: Sequence[Point], folder: Path) -> None:
     """Tables and picture of one scene, and the table from which its settings are recommended."""
-    best = {found.key for found in fronts.front(sober(points), TIME)}
+    best = {found.key for found in luck.front(points, TIME)}
     listed = [{**record(found), "on_front": found.key in best} for found in points]
     _both(listed, folder / f"{scene.scene}_points")
     _both(gains(points), folder / f"{scene.scene}_gains")
-    comment = f"sources {sources()}; {machine.describe()['processor']}; {rate(CAREFUL):.4g}/s"
-    recommend.write(_on_lines(points), folder / f"{scene.scene}_lines.csv", comment)
+    comment = f"sources {sources()}; {machine.describe()['processor']}; {points[0].speed:.4g}/s"
+    write(_on_lines(points), folder / f"{scene.scene}_lines.csv", comment)
     print(f"plot: {figures.draw(scene, points, folder / f'{scene.scene}.png')}")
 
 
@@ -38,7 +38,7 @@ def write_all(points: Sequence[Point], folder: Path) -> None:
     print(f"plot: {summary.draw(by_scene, folder / 'summary.png')}")
 
 
-def _on_lines(points: Sequence[Point]) -> list[recommend.Sample]:
+def _on_lines(points: Sequence[Point]) -> list[Sample]:
     """Only what a recommendation can be made of."""
     every = samples(points)
     lines = {line.setting for line in recommend.fit(every)}
@@ -106,12 +106,19 @@ def _resolved(points: Sequence[Point]) -> list[buying.Value]:
 
 
 def cheapest(points: Sequence[Point]) -> list[dict[str, Any]]:
-    """Of every scene, the measured setting that takes least time for some errors."""
+    """Of every scene, the measured setting that takes least time for some errors.
+
+    error is that of the run, error_without_luck the one that counts.
+    """
     rows = []
     for scene in dict.fromkeys(found.scene for found in points):
-        own = sober([found for found in points if found.scene == scene])
+        own = {found.key: found for found in points if found.scene == scene}
+        lines = luck.sober(list(own.values()))
         for target in fronts.TARGETS:
-            found = fronts.cheapest(own, target, TIME)
-            known = {"scene": scene} if found is None else record(found)
-            rows.append({"target": target, "reached": found is not None, **known})
+            row: dict[str, Any] = {"target": target, "reached": False, "scene": scene}
+            found = fronts.cheapest(lines, target, TIME)
+            if found is not None:
+                row |= {"reached": True, "error_without_luck": found.error}
+                row |= record(own[found.key])
+            rows.append(row)
     return rows

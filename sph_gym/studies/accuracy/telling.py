@@ -7,7 +7,7 @@ from sph_gym.studies.accuracy.settings import FIXED, Setting, build
 
 def describe(advice: Advice) -> list[tuple[str, str]]:
     """Names and values of a recommendation, as they are to be set."""
-    scene, (setting, error, _) = advice.problem, advice.choice
+    scene, (setting, error, promised, _) = advice.problem, advice.choice
     built = build(scene, setting)
     assert built.controls is not None
     fixed = setting.controller == FIXED
@@ -23,7 +23,7 @@ def describe(advice: Advice) -> list[tuple[str, str]]:
         ("precision", setting.dtype),
         ("integrator", setting.integrator),
         ("frame", f"{built.frame:.4g} s, of which dt is a whole fraction"),
-        ("expected error", f"{100 * error:.3g} % {scene.of}"),
+        ("expected error", f"about {100 * error:.3g} %, at most {100 * promised:.3g} % {scene.of}"),
         ("expected time", f"{advice.seconds:.3g} s of processor time after compilation, 1 thread"),
         ("simulated", f"{built.duration:.4g} s of flow"),
     ]

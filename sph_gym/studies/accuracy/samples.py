@@ -1,0 +1,72 @@
+"""The table that recommendations are made of: runs on lines, with their errors and efforts."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import NamedTuple
+
+from sph_gym.studies.accuracy.settings import Setting
+
+COLUMNS = ("scene", *Setting._fields, "error", "effort")
+# Resolutions that a line has at least.
+FEWEST = 3
+
+
+class Sample(NamedTuple):
+    """A run as the table has it; effort: particle-steps of the benchmark that take as long."""
+
+    scene: str
+    setting: Setting
+    error: float
+    effort: float
+
+
+def whole(line: Sequence[Setting], finest: int) -> bool:
+    """Whether a line is known at several resolutions up to the finest of its scene.
+
+    The error of its own finest run would otherwise stand for all that are finer.
+    """
+    sizes = {setting.across for setting in line}
+    return len(sizes) >= FEWEST and max(sizes) >= finest
+
+
+def read(scene: str, path: Path | None = None) -> list[Sample]:
+    """Samples of a scene, by default those that come with the package.
+
+    Raises ValueError if there are none.
+    """
+    place = resources.files("sph_gym.studies.accuracy") / "data" / f"{scene}.csv"
+    if path is None and not place.is_file():
+        raise ValueError(f"scene: expected one of {', '.join(shipped())}, got {scene!r}")
+    if path is not None and not path.is_file():
+        raise ValueError(f"table: expected a file of samples, got {str(path)!r}")
+    text = place.read_text() if path is None else path.read_text()
+    rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
+    try:
+        return [_sample(row) for row in rows if row["scene"] == scene]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"table: {path or place} is no table of samples: {error!r}") from None
+
+
+def shipped() -> list[str]:
+    """Scenes of which samples come with the package."""
+    folder = resources.files("sph_gym.studies.accuracy") / "data"
+    return sorted(file.name.removesuffix(".csv") for file in folder.iterdir())
+
+
+def _sample(row: dict[str, str]) -> Sample:
+    kinds = Setting.__annotations__
+    values = {name: kinds[name](row[name]) for name in Setting._fields}
+    return Sample(row["scene"], Setting(**values), float(row["error"]), float(row["effort"]))
+
+
+def write(samples: Iterable[Sample], path: Path, comment: str) -> None:
+    """Write a table that `read` takes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="") as file:
+        file.write(f"# {comment}\n")
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for s in samples:
+            writer.writerow([s.scene, *s.setting, f"{s.error:.6g}", f"{s.effort:.6g}"])

@@ -203,10 +203,12 @@ def advise(
     arguments: of the scene, in which the coarsest setting of what would be advised is run first,
     to correct what it promises; table: of samples, by default the one that comes with the package;
     speed: of this machine [benchmark particle-steps/s], measured if it isn't given. Raises
-    ValueError for an unknown scene or argument, if not exactly one of error and budget is given,
-    and for an error or a budget below what was measured, with the range.
+    ValueError for an unknown scene or argument or a scene that is erratic, if not exactly one of
+    error and budget is given, and for an error or a budget below what was measured, with the range.
     """
     found = problem(scene)
+    if found.erratic:
+        raise ValueError(f"scene: expected one whose errors fall with dx, got {scene!r}")
     found = replace(found, arguments=found.arguments | _checked(scene, arguments or {}))
     if (error is None) == (budget is None):
         raise ValueError("error, budget: expected one of the two, got both or none")

@@ -79,7 +79,7 @@ def measure(
         points = collect(scene, plan, shop, f"{name}, scene {k} of {len(wanted)}")
         every += points
         yield from rows(scene, points)
-        if plan.promises:
+        if plan.promises and not scene.erratic:
             yield from promises.rows(scene, points, shop.folder, again)
         tables.write_scene(scene, points, output)
         tables.write_all(every, output)

@@ -110,9 +110,9 @@ _PROBLEMS = (
     Problem(
         "hydrostatic_tank", "depth", (7, 10, 14, 20, 28), 14,
         "pressure profile, mean error", "of rho0 g H",
-        "Not steadily: 9.5 % with seven rows, then half a percent and less, but 0.7 % with 28 after "
-        "these four seconds. What is measured is a moment of a water that never quite comes to "
-        "rest, and less so with long steps. Nothing is recommended for it.",
+        "Not steadily: 9.5 % with seven rows, then half a percent and less, but 0.7 % with 28 "
+        "after these four seconds. What is measured is a moment of a water that never quite comes "
+        "to rest, and less so with long steps. Nothing is recommended for it.",
         arguments={"seconds": 4.0}, other={"width": 0.4, "depth": 0.4}, widest=3.0, erratic=True,
     ),
     Problem(

@@ -468,7 +468,7 @@ class Simulation:
             onset = failure.Onset(*(number("onset", each) for each in snapshot["onset"]))
             if len(numbers) != len(self._ledger.state()) or numbers[1] <= 0:
                 raise ValueError(f"ledger {numbers}")
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
             raise ValueError(f"snapshot: not one of Simulation.snapshot(): {error!r}") from None
         for name, present in self.engine.state().items():
             given = fluid[name]

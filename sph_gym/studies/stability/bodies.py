@@ -172,7 +172,7 @@ def cases() -> Iterator[Case]:
     yield body(
         "rotating square, clamped", partial(rotating, clamp=True), dx=0.05, kernel="cubic_spline"
     )
-    endless = partial(body, quick=30, least=0.8, clumping=PAIRED)
+    endless = partial(body, quick=60, least=0.8, clumping=PAIRED)
     # with some 30 neighbours those of the article pair, unless they are shifted
     for h, pairs in ((1.5, False), (2.0, False), (3.0, True)):
         yield endless(f"h/dx = {h:g}", partial(wide, h=h), pairs=pairs)

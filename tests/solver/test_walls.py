@@ -135,8 +135,10 @@ def test_who_gets_into_a_wall_is_reported_at_the_end_of_that_step(mach, neighbor
     assert report.bad_particle == 1
     assert sim.time == pytest.approx(report.n_substeps * report.dt)
     assert np.isfinite(sim.x).all()
-    # who is in stays in; who was only too fast goes on in shorter steps
-    assert sim.advance(1e-5).diverged == (mach < 1)
+    # who is in stays in; who has jumped right through goes on in shorter steps
+    inside = -0.15 < sim.x[1, 1] < 0.0
+    assert inside == (mach < 30)
+    assert sim.advance(1e-5).diverged == inside
 
 
 @pytest.mark.parametrize("integrator", ["kick_drift_kick", "predictor_corrector"])

@@ -123,4 +123,4 @@ def cases() -> Iterator[Case]:
         jet = partial(corner_jet, held=held)
         yield case(f"corner jet, {wall}", jet, behind=corner_behind, gain=0.1)
     # those who meet head-on, at four times the speed of sound, are squeezed for a moment
-    yield case("strays at 100 m/s and plates", strays, behind=outside_room, gain=0.2)
+    yield case("strays at 100 m/s and plates", strays, quick=60, behind=outside_room, gain=0.2)

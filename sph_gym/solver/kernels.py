@@ -18,6 +18,7 @@ finite for coincident particles too, given the r2 > 0 that the pair loops make o
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -335,6 +336,8 @@ def primitive_scale(kernel: Any) -> float:
     return float(kernel.weight_scale)
 
 
+# a rule of agents asks for it in every frame
+@lru_cache
 def viscous_share(kernel: Any, form: str) -> float:
     """The step that a kinematic viscosity nu allows, as a share of h^2 / nu; form: of viscosity.
 

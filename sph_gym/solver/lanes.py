@@ -630,7 +630,25 @@ class Shape:
     """What a value looks like, as an argument that costs little."""
 
     def __init__(self, value: Any) -> None:
-        self._numba_type_ = ShapeType(numba.typeof(value))
+        looks = _looks(value)
+        if looks not in _SHAPES:
+            _SHAPES[looks] = ShapeType(numba.typeof(value))
+        self._numba_type_ = _SHAPES[looks]
+
+
+# Numba takes milliseconds to find the type of a whole world; most worlds look alike.
+_SHAPES: dict[Any, ShapeType] = {}
+
+
+def _looks(value: Any) -> Any:
+    """All that numba's type of nested tuples of numbers and arrays depends on."""
+    if isinstance(value, tuple):
+        return type(value), *map(_looks, value)
+    if isinstance(value, np.ndarray):
+        flags = value.flags
+        order = flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable
+        return value.dtype, value.ndim, order
+    return type(value)
 
 
 register_model(ShapeType)(models.OpaqueModel)

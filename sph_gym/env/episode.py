@@ -32,7 +32,7 @@ INFO = {
     "cost": ("-", "1 where an error is beyond its tolerance or the solver blew up, else 0"),
     "control_work": ("J/m", "energy that the action's change of stiffness put into the fluid"),
     "blowup": ("-", "1 if the solver blew up in this step, else 0"),
-    "blowup_substep": ("-", "substeps of the episode until the blow-up, -1 without"),
+    "blowup_substep": ("-", "substeps of the flow until the blow-up, -1 without"),
     "time_to_failure": ("s", "time of the blow-up, -1 without"),
     "rollbacks": ("-", "blow-ups that were taken back in a row"),
     **{f"reward_{term}": ("-", f"weighted term {term} of the reward") for term in rewards.TERMS},
@@ -82,7 +82,7 @@ class Episode:
         self.coordinates = actions.encode(scene, self.sim.controls)
         self._before = self._numbers = look(self.sim)
         self._report = Report(0, self.sim.controls.dt)
-        self._setbacks, self._substeps, self._control_work = 0, 0, 0.0
+        self._setbacks, self._control_work = 0, 0.0
         self._safe: dict[str, Any] | None = None
         self.info = self._inform(0.0, rewards.Errors(0.0, 0.0, 0.0), [0.0] * len(rewards.TERMS))
 
@@ -107,7 +107,6 @@ class Episode:
     def conclude(self, report: Report) -> Outcome:
         """What the step came to, once the simulation has advanced by a frame."""
         self._report = report
-        self._substeps += report.n_substeps
         self._before, self._numbers = self._numbers, look(self.sim)
         errors = self._judge.errors(self.step + 1, self._numbers)
         work = report.n_substeps / self.reference.cfl_substeps
@@ -162,8 +161,8 @@ class Episode:
             "cost": float(report.diverged or max(errors) > 1.0),
             "control_work": self._control_work,
             "blowup": float(report.diverged),
-            "blowup_substep": float(self._substeps) if report.diverged else -1.0,
-            "time_to_failure": self.sim.time if report.diverged else -1.0,
+            "blowup_substep": self._numbers["blowup_substep"] if report.diverged else -1.0,
+            "time_to_failure": self._numbers["time_to_failure"] if report.diverged else -1.0,
             "rollbacks": 0.0,
             **{
                 f"reward_{term}": value for term, value in zip(rewards.TERMS, weighted, strict=True)
@@ -186,10 +185,11 @@ class Episode:
         }
 
     def _return_to(self, kept: dict[str, Any]) -> None:
+        past, coordinates = list(kept["past"]), np.array(kept["coordinates"])
+        before, numbers = dict(kept["before"]), dict(kept["numbers"])
         self.sim.restore(kept["simulation"])
-        self._judge.past = list(kept["past"])
-        self.coordinates = np.array(kept["coordinates"])
-        self._before, self._numbers = dict(kept["before"]), dict(kept["numbers"])
+        self._judge.past, self.coordinates = past, coordinates
+        self._before, self._numbers = before, numbers
 
     def state(self) -> dict[str, Any]:
         """Everything that changes, picklable; an episode that takes it back goes on bit by bit."""
@@ -198,19 +198,22 @@ class Episode:
             "step": self.step,
             "over": self.over,
             "setbacks": self._setbacks,
-            "substeps": self._substeps,
             "control_work": self._control_work,
             "report": report,
             "info": dict(self.info),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go back to what `state` gave. Raises ValueError if that was another kind of episode."""
+        """Go back to what `state` gave.
+
+        Raises ValueError if that was another kind of episode, and then nothing has changed.
+        """
         try:
+            step, over, setbacks = int(state["step"]), bool(state["over"]), int(state["setbacks"])
+            control_work, report = float(state["control_work"]), state["report"]
+            info = dict(state["info"])
             self._return_to(state)
-            self.step, self.over = int(state["step"]), bool(state["over"])
-            self._setbacks, self._substeps = int(state["setbacks"]), int(state["substeps"])
-            self._control_work = float(state["control_work"])
-            self._report, self.info = state["report"], dict(state["info"])
         except (KeyError, TypeError) as error:
             raise ValueError(f"state: not one of an episode: {error!r}") from None
+        self.step, self.over, self._setbacks = step, over, setbacks
+        self._control_work, self._report, self.info = control_work, report, info

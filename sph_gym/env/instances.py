@@ -86,14 +86,12 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
     return Instance(id_, draw(scene, split, number, usual) if entry is None else entry.drawn)
 
 
-def parse(id_: str, dx: float | None = None) -> Instance:
-    """The instance of an id, whose own spacing is used if it names one, else dx.
-
-    Raises ValueError if there is none.
-    """
+def parse(id_: str) -> Instance:
+    """The instance of an id. Raises ValueError if there is none."""
     scene, split, number, spacing, *more = [*str(id_).split("/"), "", "", ""]
     if not number.isdecimal() or any(more) or not (spacing or SPACING).startswith(SPACING):
         raise _no_id(id_)
+    dx = None
     if spacing:
         try:
             dx = positive("dx", float(spacing.removeprefix(SPACING)))

@@ -1,8 +1,8 @@
 """What a run is held against: a fine run of the same instance, its twins, and the tuned CFL rule.
 
 The references of the instances are shipped with their manifests. All others are kept on disk
-under a hash of all that they depend on: the particles, the fluid, the effects, the solver's
-sources and this file.
+under a hash of all that they depend on: the particles, the fluid, the effects, the sources of the
+solver, of the rule and of the actions, and this file.
 """
 
 import hashlib
@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.controllers import rules
 from sph_gym.controllers.rules import TunedCfl, from_numbers
 from sph_gym.env import actions, manifest
 from sph_gym.solver.jit import cache_home, source_hash
@@ -113,11 +114,11 @@ def fingerprint(scene: Scene) -> str:
 
 
 def _key(scene: Scene) -> str:
-    digest = hashlib.sha256(source_hash().encode() + Path(__file__).read_bytes())
-    digest.update(repr((actions.COURANT, actions.SOUND, actions.XSPH)).encode())
+    digest = hashlib.sha256(source_hash().encode())
+    for source in (__file__, rules.__file__, actions.__file__):
+        digest.update(Path(source).read_bytes())
     # a name is no part of the physics
-    for part in (TunedCfl(), replace(scene, name="scene")):
-        _add_to(digest, part)
+    _add_to(digest, replace(scene, name="scene"))
     return digest.hexdigest()[:32]
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sph_gym.env import actions, instances, observations, rewards
 from sph_gym.env.draws import FAMILIES
 from sph_gym.env.episode import Rules
+from sph_gym.env.reference import fingerprint
 from sph_gym.solver.checks import in_range, known, positive
 from sph_gym.solver.scene import Scene
 
@@ -50,11 +51,16 @@ class Settings:
         if isinstance(scene, Scene):
             if dx is not None or split != "nominal":
                 raise ValueError("scene: a Scene of your own has its own dx, and no instances")
+            self._own_id = f"{scene.name}/custom/{fingerprint(scene)}"
             return
         if dx is not None:
             positive("dx", dx)
         self._scenes = tuple(FAMILIES) if scene == MIXED else (scene,)
-        instances.instance(self._scenes[0], split, 0, dx)
+        for name in self._scenes:
+            first = instances.instance(name, split, 0, dx)
+            if dx is not None:
+                # only the scene itself knows which spacings are too coarse for it
+                first.build()
 
     # --- instances --------------------------------------------------------------------------
 
@@ -83,14 +89,9 @@ class Settings:
             if id_ != self._own_id:
                 raise ValueError(f"instance: a Scene of your own is {self._own_id!r}, got {id_!r}")
             return self._own_id, self._scene
-        chosen = instances.parse(id_, self._dx)
+        chosen = instances.parse(id_)
         known("scene of the instance", chosen.scene, self._scenes)
         return chosen.id, chosen.build()
-
-    @property
-    def _own_id(self) -> str:
-        assert isinstance(self._scene, Scene)
-        return f"{self._scene.name}/custom/0"
 
     # --- rewards and masks ------------------------------------------------------------------
 

@@ -1,5 +1,6 @@
 """The environment: one step is one frame of physical time with the controls of the action."""
 
+import copy
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -205,7 +206,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     def set_state(self, state: dict[str, Any]) -> None:
         """Go back to what `get_state` of an environment with the same arguments gave.
 
-        What follows is the same to the last bit. Raises ValueError for other states.
+        What follows is the same to the last bit. Raises ValueError for other states, and then
+        nothing has changed.
         """
         try:
             instance, episode, generator = (
@@ -213,7 +215,15 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
             )
         except (KeyError, TypeError) as error:
             raise ValueError(f"state: not one of get_state(): {error!r}") from None
-        if self._episode is None or self._episode.instance_id != instance:
-            self._begin(*self.settings.find(instance))
-        self.episode.restore(episode)
+        try:
+            # on a copy first, so that a wrong state changes nothing
+            copy.copy(self.np_random.bit_generator).state = generator
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"state: expected a state of the generator: {error!r}") from None
+        present = self._episode
+        if present is None or present.instance_id != instance:
+            present = Episode(self.settings.rules, *self.settings.find(instance))
+        present.restore(episode)
+        if present is not self._episode:
+            self._episode, self._painter = present, None
         self.np_random.bit_generator.state = generator

@@ -47,8 +47,9 @@ from sph_gym.solver.walls import nearest_image
 # They make up to 0.7 in a corner, up to 0.85 in a hole of one particle, and 1 within.
 WALLED = 0.9
 # Where nothing stands behind the walls' particles, who moves farther than this share of h in a step
-# may be over a wall before that makes 0.9 of a density; farther than h, from out of its sight.
-LEAP = 0.5
+# may be over a wall before that makes 0.9 of a density. Whose path then passes a wall's particle by
+# less than this share of dx is in the wall: between two of them, half of dx is left.
+LEAP, REACH = 0.5, 0.75
 # Added to r^2 [m^2]: the direction of two coincident particles is 0 / 1e-15 = 0, not NaN.
 COINCIDENT = 1e-30
 
@@ -142,7 +143,7 @@ def density(continuity, fluid, i, walls, lists, kernel, constants):
 
 
 @jitable
-def first_walled(walls, alone, fluid, i, n, of_walls, eos, dt):
+def first_walled(walls, alone, fluid, i, n, of_walls, eos, constants, dt):
     """The first of n lanes from particle i on that is inside of a wall, or may have jumped it.
 
     of_walls: how much of their densities the walls make. Returns -1 if nobody is.
@@ -151,17 +152,41 @@ def first_walled(walls, alone, fluid, i, n, of_walls, eos, dt):
         return -1
     share = of_walls * like(of_walls, eos.inv_rho0)
     inside = first_true((share > like(share, WALLED)) & first_lanes(share, n))
-    return first_leap(alone, fluid, i, n, share, dt) if inside < 0 else inside
+    return first_leap(walls, alone, fluid, i, n, constants, dt) if inside < 0 else inside
 
 
 @jitable
-def first_leap(alone, fluid, i, n, share, dt):
-    """The first of n lanes that went too far in a step beside boundary particles alone, or -1."""
+def first_leap(walls, alone, fluid, i, n, constants, dt):
+    """The first of n lanes that leapt into or over boundary particles that stand alone, or -1."""
     if alone is None:
         return -1
     u, v = dt * load(fluid.u, i), dt * load(fluid.v, i)
-    most = select(share > like(share, 0.0), like(share, alone.beside), like(share, alone.anywhere))
-    return first_true((u * u + v * v > most * most) & first_lanes(share, n))
+    fast = u * u + v * v > like(u, alone.leap * alone.leap)
+    first = first_true(fast & first_lanes(u, n))
+    if first < 0:
+        return -1
+    # so few that each may look at every wall particle
+    for lane in range(first, n):
+        if leapt(walls, alone, fluid, i + lane, constants, dt):
+            return lane
+    return -1
+
+
+@jitable
+def leapt(walls, alone, fluid, i, constants, dt):
+    """Whether the path of fluid particle i in the last step passed close by a wall particle."""
+    u, v = dt * fluid.u[i], dt * fluid.v[i]
+    length2 = u * u + v * v
+    if not length2 > alone.leap * alone.leap:
+        return False
+    for j in range(walls.id.size):
+        dx = nearest_image(constants.period_x, fluid.x[i] - walls.x[j])
+        dy = nearest_image(constants.period_y, fluid.y[i] - walls.y[j])
+        back = min(max((dx * u + dy * v) / length2, 0.0), 1.0)
+        dx, dy = dx - back * u, dy - back * v
+        if dx * dx + dy * dy < alone.reach * alone.reach:
+            return True
+    return False
 
 
 @jitable
@@ -248,7 +273,7 @@ def compute_fluid_density(
             if k > room:
                 return k, walled
             rho, of_walls = density(effects.continuity, fluid, i, walls, lists, kernel, constants)
-            inside = first_walled(walls, alone, fluid, i, n, of_walls, eos, dt)
+            inside = first_walled(walls, alone, fluid, i, n, of_walls, eos, constants, dt)
             if inside >= 0 and walled < 0:
                 walled = i + inside
             store_density(fluid, i, n, rho, eos)
@@ -344,12 +369,12 @@ def compute_wall_sums(
 class Alone(NamedTuple):
     """Boundary particles with neither box nor plates at their face.
 
-    beside: farthest that a particle may move in a step within h of any of them [m]; anywhere: the
-    same for all others.
+    leap: farther than this [m] in a step, a path is looked at; reach: closer than this [m] to one of
+    them, it leads into the wall.
     """
 
-    beside: float
-    anywhere: float
+    leap: float
+    reach: float
 
 
 class Extrapolation(NamedTuple):

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.solver.density import LEAP, Alone, Constants, Extrapolation
+from sph_gym.solver.density import LEAP, REACH, Alone, Constants, Extrapolation
 from sph_gym.solver.effects import (
     ArtificialViscosity,
     Continuity,
@@ -131,7 +131,7 @@ def _alone(scene: Scene, number: Any) -> Alone | None:
     walls = scene.walls
     if walls is None or not walls.stand_alone(scene.dx, scene.h):
         return None
-    return Alone(number(LEAP * scene.h), number(scene.h))
+    return Alone(number(LEAP * scene.h), number(REACH * scene.dx))
 
 
 def _extrapolation(scene: Scene, kernel: Any) -> Extrapolation | None:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sph_gym.solver.checks import finite_array, in_range, known, positive
 from sph_gym.solver.gravity import AnyGravity, Gravity
-from sph_gym.solver.integrators import INTEGRATORS
+from sph_gym.solver.integrators import INTEGRATORS, VISCOUS_SHARES
 from sph_gym.solver.kernels import ALL_KERNELS, viscous_share
 from sph_gym.solver.neighbors import NARROWEST_DOMAIN
 from sph_gym.solver.state import Controls
@@ -233,9 +233,13 @@ class Scene:
 
     @property
     def viscous_share(self) -> float:
-        """Of h^2 / nu: the longest step that laminar viscosity allows, see `kernels`."""
+        """Of h^2 / nu: the longest step that laminar viscosity allows, see `kernels`.
+
+        It depends on the kernel, the form of the viscosity and the integrator.
+        """
         kernel = ALL_KERNELS[self.fluid.kernel](self.h)
-        return viscous_share(kernel, self.effects.viscosity_form)
+        share = viscous_share(kernel, self.effects.viscosity_form)
+        return VISCOUS_SHARES.get(self.integrator, 1.0) * share
 
     def _check_walls(self) -> None:
         """What walls, fluid and effects ask of each other."""

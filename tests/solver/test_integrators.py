@@ -1,9 +1,12 @@
 """How steps are put together: orders, what is kept, and that cuts leave no trace."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from sph_gym import CentralGravity, Controls, Effects, Fluid, Scene, Simulation
+from sph_gym import CentralGravity, Controls, Effects, Fluid, Scene, Simulation, scenes
+from sph_gym.solver.integrators import VISCOUS_SHARES
 from sph_gym.solver.stepping import HALFWAY, UNSORTED
 from tests.cases import (
     C0,
@@ -238,3 +241,39 @@ def test_every_half_of_a_step_may_find_its_lists_too_short(configuration, monkey
         assert_same(cut, usual)
         found |= set(stages)
     assert found == STAGES[configuration]
+
+
+# --- How long a step may be -----------------------------------------------------------------
+
+
+@integrators
+def test_a_viscous_flow_is_stable_at_the_stable_step_of_its_integrator(integrator):
+    # where friction and waves limit the step alike: the predictor-corrector blew up within 3.6 s
+    sim = Simulation(replace(scenes.make("poiseuille", dx=1 / 14), integrator=integrator))
+    steps = round(4.0 / sim.stable_dt())
+    assert not sim.advance(steps * sim.stable_dt()).diverged
+    assert sim.diagnostics()["max_speed"] < 1.0
+
+
+def growth(friction, wave):
+    """Of the predictor-corrector for x'' = -wave^2 x - friction x', by a step of 1."""
+    columns = []
+    for x, u, a in np.eye(3):
+        halfway = u + a / 2
+        rate = -(wave**2) * (x + halfway / 2) - friction * halfway
+        columns.append((x + u + rate / 2, u + rate, rate))
+    return np.abs(np.linalg.eigvals(np.transpose(columns))).max()
+
+
+def test_the_predictor_corrector_leaves_three_tenths_of_the_viscous_limit():
+    share = VISCOUS_SHARES["predictor_corrector"]
+    # five sixths of Euler's 2 over the rate of friction; 0.4 h/c is 0.9 over that of the waves
+    assert growth(share * 2 * 5 / 6, 1e-3) < 1.0
+    assert growth(share * 2 * 5 / 6, 0.9) < 1.0
+    assert growth(0.7, 0.9) > 1.0
+    assert growth(1.01, 1e-3) > 1.0
+    euler, corrected = (
+        scenes.make("poiseuille").viscous_share,
+        replace(scenes.make("poiseuille"), integrator="predictor_corrector").viscous_share,
+    )
+    assert corrected == pytest.approx(share * euler)

@@ -117,10 +117,10 @@ def test_a_short_dam_break_does_not_leak():
 # --- Boundary particles and nothing behind them ----------------------------------------------
 
 
-def stray(mach, dx=0.05, guard=None, **kwargs):
-    """Two particles, one of them on its way to the floor, with c0 = 10 m/s."""
+def stray(mach, dx=0.05, guard=None, start=(0.02, 0.1), direction=(0.0, -1.0), **kwargs):
+    """Two particles, one of them on its way, to the floor by default, with c0 = 10 m/s."""
     floor = lattice(-0.5, 0.5, -3 * dx, 0.0, dx)
-    x, v = [(-0.3, 1.0), (0.02, 0.1)], [(0.0, 0.0), (0.0, -10.0 * mach)]
+    x, v = [(-0.3, 1.0), start], [(0.0, 0.0), 10.0 * mach * np.array(direction)]
     walls = Walls(floor, **(guard or {}))
     return simulation("none", x=x, v=v, dx=dx, h=2.6 * dx, walls=walls, frame=0.05, **kwargs)
 
@@ -163,6 +163,27 @@ def test_nobody_gets_into_a_wall_with_a_guard_at_its_face(mach, guard):
 @pytest.mark.parametrize("mach", [0.9, 4.0, 30.0])
 def test_nobody_gets_into_an_obstacle_within_a_box_unnoticed(mach):
     sim = stray(mach, guard={"box": (-9.0, 9.0, -1.0, 9.0)})
+    report = sim.advance(0.05)
+    assert (report.cause, report.link, report.bad_particle) == ("tunnelling", "walls", 1)
+
+
+@pytest.mark.parametrize("mach", [4.0, 30.0])
+@pytest.mark.parametrize(
+    "start, direction",
+    [((0.02, 3.0), (0.0, 1.0)), ((0.02, 0.1), (0.0, 1.0)), ((-0.4, 0.2), (1.0, 0.0))],
+    ids=["far away", "away from it", "along it"],
+)
+def test_strays_may_be_as_fast_as_they_like_where_no_wall_is_in_their_way(mach, start, direction):
+    sim = stray(mach, start=start, direction=direction)
+    assert not sim.advance(0.02).diverged
+    assert fluid(sim, "v")[1] == pytest.approx(10.0 * mach * np.array(direction), abs=5.0)
+
+
+@pytest.mark.parametrize("mach", [4.0, 30.0])
+def test_nobody_leaps_through_a_wall_at_the_end_of_a_periodic_domain_unnoticed(mach):
+    sim = stray(
+        mach, start=(0.0, 0.1), direction=(0.6, -0.8), guard={"period_x": (-0.5, 0.5)}
+    )
     report = sim.advance(0.05)
     assert (report.cause, report.link, report.bad_particle) == ("tunnelling", "walls", 1)
 

@@ -194,7 +194,10 @@ def _starting_state(about: Subject) -> str:
         {DEFAULT_XSPH}.
     """)
     if not about.scenes:
-        return f"{start}\n\nThere is one instance, your scene; its id is `NAME/custom/0`."
+        return (
+            f"{start}\n\nThere is one instance, your scene; its id is `NAME/custom/HASH`, the hash "
+            "one of all that makes it."
+        )
     choice = prose("""
         `instances=` names the set from which a reset draws with the environment's own generator;
         `reset(options={"instance": "SCENE/SET/NUMBER"})` chooses, and `info["instance_id"]`

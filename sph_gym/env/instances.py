@@ -5,6 +5,7 @@ another spacing than the usual one it is "dam_break/train/17/dx=0.05", and the n
 the draw.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -36,6 +37,8 @@ DIAGNOSTIC = {
 }
 
 
+# One flow, one spelling: int() would take "007" and the digits of all scripts.
+NUMBER = re.compile("0|[1-9][0-9]{0,8}")
 # What stands before the spacing in an id.
 SPACING = "dx="
 
@@ -92,7 +95,7 @@ def parse(id_: str, dx: float | None = None) -> Instance:
     Raises ValueError if there is none.
     """
     scene, split, number, spacing, *more = [*str(id_).split("/"), "", "", ""]
-    if not number.isdecimal() or any(more) or not (spacing or SPACING).startswith(SPACING):
+    if not NUMBER.fullmatch(number) or any(more) or not (spacing or SPACING).startswith(SPACING):
         raise _no_id(id_)
     if spacing:
         try:

@@ -30,6 +30,7 @@ PURPOSES = {
 # is little to tune.
 FRAMES_PER_STEP = {"dam_break": 1.5, "drop_impact": 1.5}
 
+BENCHMARK = "cheap tricks lose to the tuned CFL rule: `python -m sph_gym study exploits`"
 # Scenes that are no game, and why; all others are benchmarks.
 DIAGNOSTIC = {
     "hydrostatic_tank": "the water is at rest: the softest fluid and the longest step win",
@@ -68,6 +69,16 @@ class Instance(NamedTuple):
             effects = replace(effects, laminar_viscosity=viscosity * built.h * built.fluid.c0)
         frame = FRAMES_PER_STEP.get(builder, 1.0) * built.frame
         return replace(built, effects=effects, frame=frame)
+
+
+def label(scene: str) -> str:
+    """Whether a scene is "benchmark" or "diagnostic"."""
+    return "diagnostic" if scene in DIAGNOSTIC else "benchmark"
+
+
+def why(scene: str) -> str:
+    """Why a scene has its label."""
+    return DIAGNOSTIC.get(scene, BENCHMARK)
 
 
 def instance(scene: str, split: str, number: int, dx: float | None = None) -> Instance:

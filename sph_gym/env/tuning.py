@@ -31,7 +31,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     - `action_mode`: "absolute", "delta" or "discrete" (`sph_gym.env.actions`)
     - `on_blowup`: "terminate", or "rollback", which charges for the step, goes back to where it
       began and tells the agent, at most three times in a row
-    - `reward_weights`: weights of the terms density, clumping, fidelity, work, blowup
+    - `reward_weights`: weights of the terms density, clumping, fidelity, work, blowup, of a
+      magnitude of at most 1e6
     - `tolerances`: of `sph_gym.env.rewards.Tolerances`, by name
     - `reward`: "scalar", or "vector" for the five terms as an array, as MO-Gymnasium wants them;
       to be made with `gymnasium.make(..., disable_env_checker=True)`

@@ -136,9 +136,10 @@ def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
         writer.writerow(COLUMNS)
         for scene, contests in found.items():
             for number, one in enumerate(contests):
+                gain = one.headroom if math.isfinite(one.headroom) else ""
                 for player, episode, setting in _players(one):
                     about = (_id(scene, number), label(scene, contests), player)
-                    writer.writerow([*about, *episode, episode.within, setting, one.headroom])
+                    writer.writerow([*about, *episode, episode.within, setting, gain])
 
 
 def _players(one: Contest) -> Iterator[tuple[str, Episode, Point | str]]:
@@ -194,7 +195,7 @@ def _headrooms(scene: str, contests: list[Contest], case: str, all_of_them: str)
             yield Row("headroom", _id(scene, number), ratio, "")
     n_compared = sum(map(math.isfinite, ratios))
     if not n_compared and scene in instances.DIAGNOSTIC:
-        yield Row("no headroom: none within tolerance", case, 0.0, all_of_them)
+        yield Row("no headroom: both within tolerance nowhere", case, 0.0, all_of_them)
         return
     yield Row("static and oracle within tolerance", case, float(n_compared), all_of_them)
     yield Row("headroom over the best static", case, headroom(contests), "")

@@ -141,7 +141,7 @@ def test_no_headroom_fails_benchmarks_alone():
     none = [contest()._replace(static=None), contest(beyond=0.5)]
     assert not table("dam_break", none)["headroom over the best static"].holds
     assert all(row.holds for row in headroom.rows("relaxation", none))
-    assert table("relaxation", none)["no headroom: none within tolerance"].value == 0
+    assert table("relaxation", none)["no headroom: both within tolerance nowhere"].value == 0
 
 
 def test_all_episodes_are_written(tmp_path):
@@ -151,6 +151,7 @@ def test_all_episodes_are_written(tmp_path):
     told = read(tmp_path / "deep" / "i.csv")
     names = [*headroom.PLAYERS.values(), *(f"oracle without {one}" for one in headroom.CONTROLS)]
     assert [row["player"] for row in told] == [*names, "tuned CFL", "oracle"]
+    assert [row["headroom"] for row in told[-2:]] == ["", ""]
     assert told[1] == {
         "instance": "dam_break/val/0", "label": "benchmark", "player": "best static",
         "substeps": "300", "reward": "0.5", "error": "0.5", "beyond": "0.0", "blowup": "False",

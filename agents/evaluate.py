@@ -36,7 +36,7 @@ class Args:
     scene: str = "dam_break"
     """scene of the environment"""
     instances: str = "test"
-    """nominal, train, val or test"""
+    """nominal, train, val, test or ood"""
     n_instances: int = 8
     """how many of them"""
     output: Path = Path("runs")

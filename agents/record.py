@@ -23,7 +23,7 @@ class Args:
     episodes: int = 8
     """how many, each on an instance of its own"""
     instances: str = "train"
-    """nominal, train, val or test"""
+    """nominal, train, val, test or ood"""
     settings: tuple[float, float, float] | None = None
     """of grid_search: Courant multiple, sound speed / c0, xsph"""
     network: str | None = None

@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
 PROGRAMS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+CALLS = sorted(set(re.findall(r"`(env\.[\w.]+\(\))`", TEXT)))
 LINES = "\n".join(re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)).splitlines()
 COMMANDS = [line.split("#")[0].strip() for line in LINES if line.startswith("python -m")]
 TARGETS = [line.split()[1] for line in LINES if line.startswith("make ")]
@@ -24,6 +25,15 @@ def run(arguments, folder=ROOT):
 def test_every_program_runs(program, tmp_path):
     done = run([sys.executable, "-W", "error::UserWarning", "-c", program], tmp_path)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_every_call_is_answered_by_what_make_returns(call):
+    import gymnasium as gym
+
+    env = gym.make("sph_gym/DamBreak-v0", action_mode="discrete")
+    env.reset(seed=0)
+    assert eval(call, {"env": env}) is not None
 
 
 @pytest.mark.parametrize("command", [c for c in COMMANDS if "sph_gym run" in c])

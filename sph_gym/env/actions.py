@@ -27,6 +27,8 @@ XSPH = (0.0, 0.6)
 LOG_COURANT, LOG_SOUND = ((math.log(low), math.log(high)) for low, high in (COURANT, SOUND))
 # Largest change of a coordinate in one step of the modes "delta" and "discrete".
 STEP = 0.25
+# (27, 3) what a discrete action does to every coordinate, in multiples of STEP.
+MOVES = np.array(np.unravel_index(np.arange(27), (3, 3, 3))).T - 1
 
 
 class Coordinate(NamedTuple):
@@ -91,6 +93,11 @@ def limit(wanted: Coordinates, present: Coordinates, factor: float) -> Coordinat
     held = wanted.copy()
     held[1] = min(max(wanted[1], present[1] - reach), present[1] + reach)
     return held
+
+
+def useful(scene: Scene, factor: float | None) -> tuple[bool, bool, bool]:
+    """Which coordinates do anything in a scene; factor: of `limit`, None where there is none."""
+    return True, factor != 1.0, scene.effects.xsph
 
 
 def _position(value: float, low: float, high: float) -> float:
@@ -167,17 +174,19 @@ class Discrete:
 
     def act(self, action: Any, present: Coordinates) -> Coordinates:
         """The coordinates that the action asks for."""
-        moves = np.array(np.unravel_index(_choice(action), (3, 3, 3))) - 1
-        return np.clip(present + STEP * moves, -1.0, 1.0)
+        return np.clip(present + STEP * MOVES[_choice(action)], -1.0, 1.0)
 
-    def masks(self, present: Coordinates) -> NDArray[np.bool_]:
-        """(27,) which actions do something that no other one does, at a corner of the space.
+    def masks(
+        self, present: Coordinates, useful: tuple[bool, bool, bool] = (True, True, True)
+    ) -> NDArray[np.bool_]:
+        """(27,) which actions do something that no other one does.
 
-        A coordinate at its end can't be moved beyond it: moving it and leaving it are the same.
+        A coordinate at its end can't be moved beyond it, and one that isn't `useful` does
+        nothing: moving it and leaving it are the same.
         """
-        moves = np.array(np.unravel_index(np.arange(27), (3, 3, 3))).T - 1
-        beyond = (moves > 0) & (present >= 1.0) | (moves < 0) & (present <= -1.0)
-        return np.asarray(~beyond.any(axis=1))
+        beyond = (MOVES > 0) & (present >= 1.0) | (MOVES < 0) & (present <= -1.0)
+        idle = (MOVES != 0) & ~np.array(useful)
+        return np.asarray(~(beyond | idle).any(axis=1))
 
     def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
         """The action that comes closest to wanted coordinates."""

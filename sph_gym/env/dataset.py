@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver.checks import whole
@@ -29,7 +30,8 @@ def record(
     environment draws with seed + k. arguments: of the environment; metadata: what else
     `minari.create_dataset_from_buffers` takes, such as author, algorithm_name, description.
     An episode's metadata holds seed, options, instance_id, blowup_cause and rewards_sum, so that
-    the environment that the dataset recovers can play it again.
+    the environment that the dataset recovers can play it again. With reward="vector" its rewards
+    are (n_steps, n_terms), and rewards_sum is over all terms.
 
     Raises ValueError for less than one episode and for a dataset that exists or whose name isn't
     NAMESPACE/NAME-vNUMBER, ImportError that names the extra to install.
@@ -38,7 +40,11 @@ def record(
     _prepare(dataset_id)
     import minari
 
-    env = gym.make(env_id, **(arguments or {}))
+    made = dict(arguments or {})
+    if made.get("reward") == "vector":
+        # Gymnasium's checker knows scalars only
+        made = {"disable_env_checker": True} | made
+    env = gym.make(env_id, **made)
     buffers = []
     for k in range(n_episodes):
         options = {"instance": instance_ids[k % len(instance_ids)]} if instance_ids else None
@@ -108,5 +114,5 @@ def _summary(buffer: Any) -> dict[str, Any]:
     return {
         "instance_id": buffer.infos["instance_id"][0],
         "blowup_cause": buffer.infos["blowup_cause"][-1],
-        "rewards_sum": float(sum(buffer.rewards)),
+        "rewards_sum": float(np.sum(buffer.rewards)),
     }

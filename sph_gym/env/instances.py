@@ -5,6 +5,7 @@ another spacing than the usual one it is "dam_break/train/17/dx=0.05", and the n
 the draw.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -29,6 +30,7 @@ PURPOSES = {
 # is little to tune.
 FRAMES_PER_STEP = {"dam_break": 1.5, "drop_impact": 1.5}
 
+BENCHMARK = "cheap tricks lose to the tuned CFL rule: `python -m sph_gym study exploits`"
 # Scenes that are no game, and why; all others are benchmarks.
 DIAGNOSTIC = {
     "hydrostatic_tank": "the water is at rest: the softest fluid and the longest step win",
@@ -36,6 +38,8 @@ DIAGNOSTIC = {
 }
 
 
+# One flow, one spelling: int() would take "007" and the digits of all scripts.
+NUMBER = re.compile("0|[1-9][0-9]{0,8}")
 # What stands before the spacing in an id.
 SPACING = "dx="
 
@@ -67,6 +71,16 @@ class Instance(NamedTuple):
         return replace(built, effects=effects, frame=frame)
 
 
+def label(scene: str) -> str:
+    """Whether a scene is "benchmark" or "diagnostic"."""
+    return "diagnostic" if scene in DIAGNOSTIC else "benchmark"
+
+
+def why(scene: str) -> str:
+    """Why a scene has its label."""
+    return DIAGNOSTIC.get(scene, BENCHMARK)
+
+
 def instance(scene: str, split: str, number: int, dx: float | None = None) -> Instance:
     """Instance `number` of a split: "nominal" is the scene as it is, the others are drawn.
 
@@ -89,7 +103,7 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
 def parse(id_: str) -> Instance:
     """The instance of an id. Raises ValueError if there is none."""
     scene, split, number, spacing, *more = [*str(id_).split("/"), "", "", ""]
-    if not number.isdecimal() or any(more) or not (spacing or SPACING).startswith(SPACING):
+    if not NUMBER.fullmatch(number) or any(more) or not (spacing or SPACING).startswith(SPACING):
         raise _no_id(id_)
     dx = None
     if spacing:

@@ -187,14 +187,31 @@ class Features:
         return np.minimum(np.maximum(values, self._low), self._high)
 
 
+class Channel(NamedTuple):
+    """One channel of a picture."""
+
+    name: str
+    meaning: str
+
+
+CHANNELS = (
+    Channel("density", "share of a cell that is filled, 128 for all of it"),
+    Channel("velocity_x", "mean horizontal velocity v of its particles, 128 + 127 tanh(v / U)"),
+    Channel("velocity_y", "the same of the vertical one, upwards positive"),
+    Channel(
+        "controls",
+        "four bands from top to bottom, progress and the three action coordinates, 0 to 255 for "
+        "their range",
+    ),
+)
+
+
 class Field:
     """A picture for networks with convolutions: (36, 36, 4) uint8, the first row on top.
 
-    Channel 0: share of a cell that is filled, 128 for all of it; 1, 2: mean velocity of its
-    particles, 128 + 127 tanh(v / U), with U = c0 / 10; 3: four bands from top to bottom, progress
-    and the three action coordinates, 0 to 255 for their range. The picture spans the fluid's
-    start and the walls; what leaves it isn't seen. rollback: progress shares its band with
-    `SETBACKS`, left and right.
+    CHANNELS tells what they show, with U = c0 / 10. The picture spans the fluid's start and the
+    walls; what leaves it isn't seen. rollback: progress shares its band with the blow-ups in a
+    row, left and right.
     """
 
     SIZE = 36

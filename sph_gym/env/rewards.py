@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.env.reference import WINDOW, Reference
-from sph_gym.solver.checks import number, positive
+from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.scene import Scene
 
 MEANINGS = {
@@ -26,6 +26,8 @@ MEANINGS = {
 }
 TERMS = tuple(MEANINGS)
 WORST = 1.5
+# Largest weight: times the penalty of any episode, it stays within float32.
+HEAVIEST = 1e6
 WORK_RANGE = math.log(64)
 
 
@@ -111,14 +113,16 @@ class Judge:
 
 
 def check_weights(weights: Mapping[str, float] | None) -> dict[str, float]:
-    """One weight a term, 1 where none is given. Raises ValueError for unknown terms."""
+    """One weight a term, 1 where none is given. Raises ValueError for unknown terms and for
+    weights beyond HEAVIEST.
+    """
     given = {} if weights is None else weights
     if not isinstance(given, Mapping):
         raise ValueError(f"reward_weights: expected a dictionary, got {weights!r}")
     for term, weight in given.items():
         if term not in TERMS:
             raise ValueError(f"reward_weights: expected terms {', '.join(TERMS)}, got {term!r}")
-        number(f"reward_weights[{term!r}]", weight)
+        in_range(f"reward_weights[{term!r}]", weight, -HEAVIEST, HEAVIEST)
     return {term: float(given.get(term, 1.0)) for term in TERMS}
 
 

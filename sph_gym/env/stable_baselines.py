@@ -19,9 +19,16 @@ class TuningVecEnv(VecEnv):
     Takes the arguments of `TuningVectorEnv`; no processes and no pickling, since the solvers run
     on threads. Finished episodes are reset at once; the info of their last step holds
     "terminal_observation", "TimeLimit.truncated" and "episode" (return "r", length "l").
+
+    Raises ValueError for what `TuningVectorEnv` refuses, and for reward="vector".
     """
 
     def __init__(self, num_envs: int = 1, **arguments: Any) -> None:
+        if arguments.get("reward") == "vector":
+            raise ValueError(
+                "reward: expected 'scalar', for Stable-Baselines3 learns from one number, "
+                "got 'vector'"
+            )
         self.envs = TuningVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         self._actions: Any = None
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)

@@ -27,14 +27,16 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     ## Arguments
     - `scene`: the name of a scene, "mixed" for any of them, or a `Scene` of your own
     - `dx`: particle spacing [m], by default a coarse one
-    - `instances`: "nominal" or a numbered set, "train", "val" or "test", from which every reset
-      draws with the environment's own generator
+    - `instances`: "nominal" or a numbered set, "train", "val", "test" or "ood", from which every
+      reset draws with the environment's own generator
     - `action_mode`: "absolute", "delta" or "discrete" (`sph_gym.env.actions`)
     - `on_blowup`: "terminate", or "rollback", which charges for the step, goes back to where it
       began and tells the agent, at most three times in a row
-    - `reward_weights`: weights of the terms density, clumping, fidelity, work, blowup
+    - `reward_weights`: weights of the terms density, clumping, fidelity, work, blowup, of a
+      magnitude of at most 1e6
     - `tolerances`: of `sph_gym.env.rewards.Tolerances`, by name
-    - `reward`: "scalar", or "vector" for the five terms as an array, as MO-Gymnasium wants them
+    - `reward`: "scalar", or "vector" for the five terms as an array, as MO-Gymnasium wants them;
+      to be made with `gymnasium.make(..., disable_env_checker=True)`
     - `rate_limit`: the largest factor by which the sound speed may change in a step
     - `observation`: "features" or "field" (`sph_gym.env.observations`)
     - `render_mode`: None, "rgb_array" or "human"

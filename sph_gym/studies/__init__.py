@@ -10,6 +10,7 @@ from sph_gym.studies import (
     effects,
     exploits,
     headroom,
+    labels,
     machine,
     soak,
     stability,
@@ -38,8 +39,12 @@ _IN_PARTS: dict[str, Callable[[], list[str]]] = {
     "validation": validation.with_reference,
     "accuracy": accuracy.names,
 }
-# The picture that a study draws of its rows.
-_FINISH: dict[str, Callable[[list[Row], Path], None]] = {"throughput": throughput.finish}
+# What a study has to draw or to say after its table.
+_FINISH: dict[str, Callable[[list[Row], Path], None]] = {
+    "throughput": throughput.finish,
+    "headroom": headroom.finish,
+    "exploits": labels.explain,
+}
 
 
 def names() -> list[str]:

@@ -3,8 +3,11 @@
 Equal error means that both keep within tolerance: at most 5 % of the steps of a run have an error
 above 1, in multiples of its tolerance, which is the constraint of the reward. A static setting is
 chosen in hindsight, for each instance by itself, as the cheapest that keeps within tolerance.
+Instances where one of the two leaves its tolerance can't be compared: they are counted, and left
+out of the mean.
 """
 
+import csv
 import math
 import sys
 from collections.abc import Callable, Iterator
@@ -16,6 +19,7 @@ import numpy as np
 
 from sph_gym.env import SCENES, instances
 from sph_gym.env.oracle import COARSE, Oracle, Search
+from sph_gym.studies import labels
 from sph_gym.studies.episodes import Episode, Grid, Point, best_static, kept, run
 from sph_gym.studies.exploits import tuned_cfl
 from sph_gym.studies.table import Row
@@ -26,6 +30,9 @@ FOLDER = Path("runs/studies")
 HEADROOM, ENOUGH = 1.5, 5
 LOSS, LOSERS = 0.01, 2
 CONTROLS = ("Courant multiple", "sound speed", "xsph")
+# Fields of a contest and what tables call them.
+PLAYERS = {"rule": "tuned CFL", "static": "best static", "oracle": "oracle"}
+COLUMNS = ("instance", "label", "player", *Episode._fields, "within", "setting", "headroom")
 
 
 class Plan(NamedTuple):
@@ -66,7 +73,8 @@ class Contest(NamedTuple):
 def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
     """Rows of every scene, with a progress bar; quick: one instance of two scenes, coarsely.
 
-    Finished runs are kept in the folder. Raises ImportError that names the extra to install.
+    Finished runs are kept in the folder, and all episodes written there, instance by instance.
+    Raises ImportError that names the extra to install.
     """
     try:
         from tqdm import tqdm
@@ -81,14 +89,25 @@ def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
             found[scene] = []
             for number in range(plan.n_instances):
                 found[scene].append(contest(plan, scene, number, folder / "headroom"))
+                write_instances(found, folder / _file("headroom_quick" if quick else "headroom"))
                 bar.update()
             yield from rows(scene, found[scene])
     yield from summary(plan, found)
 
 
+def finish(rows: list[Row], path: Path) -> None:
+    """Tell where the instances are, and why some scenes are no benchmarks; path: of a picture."""
+    print(f"instances: {path.with_name(_file(path.stem))}")
+    labels.explain(rows, path)
+
+
+def _file(stem: str) -> str:
+    return f"{stem}_instances.csv"
+
+
 def contest(plan: Plan, scene: str, number: int, folder: Path) -> Contest:
     """Everybody on one validation instance."""
-    instance, search = f"{scene}/val/{number}", plan.search
+    instance, search = _id(scene, number), plan.search
 
     def episode(name: str, *key: Any, run: Callable[[], Episode]) -> Episode:
         return Episode(*kept(folder, [name, instance, *key], run))
@@ -109,24 +128,80 @@ def contest(plan: Plan, scene: str, number: int, folder: Path) -> Contest:
     return Contest(rule, static, setting, oracle, tuple(frozen))
 
 
+def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
+    """Write every episode as CSV: who did what on which instance, and the headroom there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for scene, contests in found.items():
+            for number, one in enumerate(contests):
+                gain = one.headroom if math.isfinite(one.headroom) else ""
+                for player, episode, setting in _players(one):
+                    about = (_id(scene, number), label(scene, contests), player)
+                    writer.writerow([*about, *episode, episode.within, setting, gain])
+
+
+def _players(one: Contest) -> Iterator[tuple[str, Episode, Point | str]]:
+    """Everybody's name, episode and, of who has one, setting."""
+    for name, title in PLAYERS.items():
+        episode = getattr(one, name)
+        if episode is not None:
+            yield title, episode, (one.setting or "") if name == "static" else ""
+    for control, episode in zip(CONTROLS, one.frozen, strict=False):
+        yield f"oracle without {control}", episode, ""
+
+
+def _id(scene: str, number: int) -> str:
+    return f"{scene}/val/{number}"
+
+
+def label(scene: str, contests: list[Contest]) -> str:
+    """Of a scene: "diagnostic", or "benchmark" and what there is to say of its headroom."""
+    given, gain = instances.label(scene), headroom(contests)
+    if scene in instances.DIAGNOSTIC or gain >= HEADROOM:
+        return given
+    return f"{given}, {'unknown' if math.isnan(gain) else 'small'} headroom"
+
+
 def rows(scene: str, contests: list[Contest]) -> Iterator[Row]:
-    """Work, rewards and headroom of a scene: means over instances."""
-    label = "diagnostic" if scene in instances.DIAGNOSTIC else "benchmark"
-    case = f"{scene}, {label}"
-    for name in ("rule", "static", "oracle"):
-        episodes = [getattr(one, name) for one in contests]
-        runs = [one for one in episodes if one is not None]
-        if not runs:
-            continue
-        title = {"rule": "tuned CFL", "static": "best static", "oracle": "oracle"}[name]
-        work = float(np.mean([one.substeps for one in runs]))
-        yield Row(f"work, {title}", case, work, "substeps")
-        yield Row(f"reward, {title}", case, float(np.mean([one.reward for one in runs])), "")
-        beyond = 100 * float(np.mean([one.beyond for one in runs]))
-        yield Row(f"beyond tolerance, {title}", case, beyond, "% of steps")
-    yield Row("headroom over the best static", case, headroom(contests), "")
+    """Work, rewards and errors of a scene, means over instances, and its headroom."""
+    case, all_of_them = f"{scene}, {label(scene, contests)}", f"of {len(contests)} instances"
+    for name, title in PLAYERS.items():
+        runs = [one for one in (getattr(each, name) for each in contests) if one is not None]
+        if runs:
+            yield from _means(title, case, runs)
+        within = float(sum(one.within for one in runs))
+        yield Row(f"within tolerance, {title}", case, within, all_of_them)
+    yield from _headrooms(scene, contests, case, all_of_them)
     for name, loss in losses(contests).items():
         yield Row(f"reward lost without {name}", case, loss, "")
+
+
+def _means(title: str, case: str, runs: list[Episode]) -> Iterator[Row]:
+    def mean(field: str) -> float:
+        return float(np.mean([getattr(one, field) for one in runs]))
+
+    yield Row(f"work, {title}", case, mean("substeps"), "substeps")
+    yield Row(f"reward, {title}", case, mean("reward"), "")
+    yield Row(f"error, {title}", case, mean("error"), "tolerances")
+    yield Row(f"beyond tolerance, {title}", case, 100 * mean("beyond"), "% of steps")
+
+
+def _headrooms(scene: str, contests: list[Contest], case: str, all_of_them: str) -> Iterator[Row]:
+    ratios = [one.headroom for one in contests]
+    for number, ratio in enumerate(ratios):
+        if math.isfinite(ratio):
+            yield Row("headroom", _id(scene, number), ratio, "")
+    n_compared = sum(map(math.isfinite, ratios))
+    if not n_compared and scene in instances.DIAGNOSTIC:
+        yield Row("no headroom: both within tolerance nowhere", case, 0.0, all_of_them)
+        return
+    yield Row("static and oracle within tolerance", case, float(n_compared), all_of_them)
+    yield Row("headroom over the best static", case, headroom(contests), "")
+    if 0 < n_compared < len(ratios):
+        poorest = headroom(contests) ** (n_compared / len(ratios))
+        yield Row("the same, if elsewhere nothing is gained", case, poorest, "")
 
 
 def headroom(contests: list[Contest]) -> float:

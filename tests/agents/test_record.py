@@ -1,6 +1,9 @@
 import pytest
+import tyro
 
+from agents import evaluate, record
 from agents.record import Args, main
+from sph_gym.env.instances import SIZES
 
 minari = pytest.importorskip("minari")
 
@@ -12,3 +15,11 @@ def test_an_agent_leaves_a_dataset(tmp_path, monkeypatch, capsys):
     dataset = minari.load_dataset("relaxation/tuned-v0")
     assert dataset.storage.metadata["algorithm_name"] == "tuned_cfl"
     assert dataset[0].infos["instance_id"][0] == b"relaxation/nominal/0"
+
+
+@pytest.mark.parametrize("kind", [record.Args, evaluate.Args])
+def test_the_help_names_all_sets_of_instances(kind, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "200")
+    with pytest.raises(SystemExit):
+        tyro.cli(kind, args=["--help"])
+    assert f"{', '.join(list(SIZES)[:-1])} or {list(SIZES)[-1]}" in capsys.readouterr().out

@@ -1,11 +1,12 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sph_gym import scenes
+from sph_gym import Effects, scenes
 from sph_gym.env import actions
 
 SCENE = scenes.make("dam_break", dx=0.1)
@@ -73,3 +74,27 @@ def test_wrong_actions_are_refused(mode, action):
 def test_an_unknown_mode_is_refused():
     with pytest.raises(ValueError, match="action_mode: expected one of absolute, delta"):
         actions.make("relative")
+
+
+@pytest.mark.parametrize("xsph", [True, False])
+@pytest.mark.parametrize("factor", [None, 1.0, 2.0])
+@pytest.mark.parametrize("present", [(0.0, 0.0, 0.0), (1.0, -1.0, 0.5)])
+def test_masks_allow_every_outcome_once(xsph, factor, present):
+    scene, here = replace(SCENE, effects=Effects(xsph=xsph)), np.array(present)
+    kind = actions.make("discrete")
+
+    def outcome(action):
+        there = kind.act(action, here)
+        there = there if factor is None else actions.limit(there, here, factor)
+        return tuple(there[: 3 if xsph else 2])
+
+    masks = kind.masks(here, actions.useful(scene, factor))
+    allowed = [outcome(action) for action in np.flatnonzero(masks)]
+    assert len(set(allowed)) == len(allowed)
+    assert set(allowed) == {outcome(action) for action in range(27)}
+
+
+def test_moves_are_what_actions_do():
+    kind = actions.make("discrete")
+    done = [kind.act(action, np.zeros(3)) / actions.STEP for action in range(27)]
+    assert np.array_equal(done, actions.MOVES)

@@ -4,6 +4,7 @@ import pytest
 import sph_gym  # noqa: F401
 from agents.policies import Spec, build
 from sph_gym.env.dataset import record
+from sph_gym.env.rewards import TERMS
 
 minari = pytest.importorskip("minari")
 
@@ -55,6 +56,19 @@ def test_pictures_come_back_as_they_were():
 
     (episode,) = record(ID, watch, 1, NAME, INSTANCES, arguments=arguments)
     assert np.array_equal(seen, episode.observations[:-1])
+
+
+def test_vector_rewards_come_back_term_by_term():
+    arguments = {**ARGUMENTS, "reward": "vector"}
+    written = record(ID, random_agent(), 1, NAME, INSTANCES, arguments=arguments)
+    (about,) = written.storage.get_episode_metadata([0])
+    (episode,) = minari.load_dataset(NAME)
+    terms = [episode.infos[f"reward_{term}"][1:] for term in TERMS]
+    assert np.allclose(episode.rewards, np.stack(terms, axis=1), rtol=1e-6)
+    assert about["rewards_sum"] == pytest.approx(np.sum(terms))
+    env = written.recover_environment()
+    env.reset(seed=about["seed"], options=about["options"])
+    assert np.array_equal(env.step(episode.actions[0])[1], episode.rewards[0])
 
 
 def test_instances_are_drawn_where_none_are_named():

@@ -29,6 +29,12 @@ def rows(text):
     return [row for k, row in enumerate(cells) if k not in rules and k + 1 not in rules]
 
 
+def under(text, heading):
+    """The rows of the table whose first column has that heading."""
+    found = re.search(rf"^\| {heading} \|.*\n\|.*\n((?:\|.*\n?)*)", text, re.M)
+    return rows(found[1]) if found else []
+
+
 def arguments(kind):
     found = inspect.signature(kind).parameters.values()
     return {one.name for one in found if one.kind is not one.VAR_KEYWORD}
@@ -44,8 +50,8 @@ def test_every_registered_id_has_a_page():
 def test_the_tables_have_the_rows_of_the_spaces(id_):
     given = {"scene": sph_gym.scenes.make("drop_impact", dx=0.06)} if "Custom" in id_ else {}
     env = gym.make(id_, on_blowup="rollback", **given).unwrapped
-    acts = [row for row in rows(section(id_, "Action Space")) if row[0].isdecimal()]
-    sees = rows(section(id_, "Observation Space"))
+    acts = under(section(id_, "Action Space"), "Num")
+    sees = under(section(id_, "Observation Space"), "Num")
     assert [int(row[0]) for row in acts] == list(range(env.action_space.shape[0]))
     assert [row[1] for row in acts] == list(actions.NAMES)
     bounds = np.array([row[3:5] for row in sees], float).T
@@ -53,10 +59,57 @@ def test_the_tables_have_the_rows_of_the_spaces(id_):
 
 
 @each_page
+def test_choices_and_channels_are_those_of_the_variants(id_):
+    given = {"scene": sph_gym.scenes.make("drop_impact", dx=0.06)} if "Custom" in id_ else {}
+    env = gym.make(id_, action_mode="discrete", observation="field", **given).unwrapped
+    act = env.settings.rules.actions.act
+    told = [[float(cell) for cell in row] for row in
+            under(section(id_, "Action Space"), "Discrete action")]  # fmt: skip
+    assert told == [[k, *act(k, np.zeros(3))] for k in range(env.action_space.n)]
+    channels = under(section(id_, "Observation Space"), "Channel")
+    assert [int(row[0]) for row in channels] == list(range(env.observation_space.shape[2]))
+    low, high = env.observation_space.low, env.observation_space.high
+    assert {(int(row[3]), int(row[4])) for row in channels} == {(low.min(), high.max())}
+
+
+def test_the_index_is_one_table_with_a_row_an_id():
+    lines = documentation.index().splitlines()
+    assert len(lines) == len(IDS) + 2
+    assert all(line.startswith("| ") and line.endswith(" |") for line in lines)
+    assert all(len(row) == 2 for row in rows(documentation.index()))
+    assert table(["a"], [["one\n\ntwo"]]).splitlines()[2] == "| one two |"
+
+
+@each_page
+def test_labels_are_told_with_their_reasons(id_):
+    told = {row[0].strip("`"): row[1:] for row in under(section(id_, "Description"), "Scene")}
+    assert set(told) == set(documentation.subject(id_).scenes)
+    for scene, (label, reason) in told.items():
+        game = scene not in instances.DIAGNOSTIC
+        assert label == ("benchmark" if game else "diagnostic")
+        assert reason == (instances.BENCHMARK if game else instances.DIAGNOSTIC[scene])
+
+
+@each_page
+def test_vector_rewards_are_made_without_a_warning(id_):
+    (line,) = re.findall(
+        r"`(gymnasium\.make\([^`]*\))`", section(id_, "Rewards").replace("\n", " ")
+    )
+    scene = sph_gym.scenes.make("drop_impact", dx=0.08)
+    env = eval(line, {"gymnasium": gym, "scene": scene})
+    assert env.spec.kwargs["reward"] == "vector"
+    if id_ == "sph_gym/DamBreak-v0":
+        env.reset(seed=0)
+        assert env.step(env.action_space.sample())[1].shape == (len(rewards.TERMS),)
+    assert env.spec.disable_env_checker
+
+
+@each_page
 def test_the_arguments_are_those_of_the_constructors(id_):
     shown = {row[0].strip("`"): row for row in rows(section(id_, "Arguments"))}
     assert set(shown) == arguments(sph_gym.TuningEnv)
     assert shown["scene"][1] == f"`{gym.spec(id_).kwargs.get('scene')!r}`"
+    assert all(f'"{split}"' in shown["instances"][2] for split in instances.SIZES)
     vector = {row[0].strip("`") for row in rows(section(id_, "Vectorized environment"))}
     assert vector == arguments(TuningVectorEnv)
 

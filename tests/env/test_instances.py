@@ -44,7 +44,19 @@ def test_dam_breaks_vary_in_size_ratio_and_gravity():
 
 @pytest.mark.parametrize(
     "id_",
-    ["dam_break/train/256", "dam_break/train", "dam_break/future/0", "lake/train/0", "", None],
+    [
+        "dam_break/train/256",
+        "dam_break/train",
+        "dam_break/future/0",
+        "lake/train/0",
+        "",
+        None,
+        "dam_break/val/007",
+        "dam_break/val/00",
+        "dam_break/val/\N{ARABIC-INDIC DIGIT THREE}",
+        "dam_break/val/+3",
+        pytest.param("dam_break/val/" + "9" * 5000, id="long"),
+    ],
 )
 def test_ids_that_do_not_exist_are_refused(id_):
     with pytest.raises(ValueError, match="expected"):

@@ -87,7 +87,16 @@ def test_given_tolerances_replace_the_usual_ones():
     assert rewards.check_tolerances(None) == Tolerances()
 
 
-@pytest.mark.parametrize("weights", [{"speed": 1.0}, {"work": float("nan")}, {"work": "much"}])
+@pytest.mark.parametrize(
+    "weights",
+    [{"speed": 1.0}, {"work": float("nan")}, {"work": "much"}, {"work": 1e308}, {"density": -1e7}],
+)
 def test_wrong_weights_are_refused(weights):
     with pytest.raises(ValueError, match="reward_weights"):
         rewards.check_weights(weights)
+
+
+def test_the_heaviest_weights_leave_rewards_finite():
+    weights = rewards.check_weights(dict.fromkeys(rewards.TERMS, rewards.HEAVIEST))
+    worst = weights["blowup"] * rewards.blowup_terms(10**9)["blowup"]
+    assert np.isfinite(np.float32(worst))

@@ -72,3 +72,10 @@ def test_ppo_learns_on_it():
     model.learn(64)
     assert len(model.ep_info_buffer) >= 2
     assert model.ep_info_buffer[0]["l"] <= SHORT
+
+
+def test_vector_rewards_are_refused():
+    with pytest.raises(ValueError, match="reward: expected 'scalar'"):
+        TuningVecEnv(2, **ARGUMENTS, reward="vector")
+    with pytest.raises(ValueError, match="reward: expected one of scalar, vector, got 'tensor'"):
+        TuningVecEnv(2, **ARGUMENTS, reward="tensor")

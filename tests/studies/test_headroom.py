@@ -1,11 +1,14 @@
+import csv
 import math
 
 import numpy as np
 import pytest
 
+from sph_gym import studies
 from sph_gym.env.oracle import COARSE
 from sph_gym.studies import headroom
 from sph_gym.studies.episodes import Episode, Grid, best_static, kept, run
+from sph_gym.studies.table import Row
 
 INSTANCE = "colliding_patches/val/3"
 GRID = Grid(sound=(0.4, 0.6), xsph=(0.3,), substeps=12)
@@ -19,6 +22,17 @@ def contest(static=300, oracle=100, beyond=0.0, frozen=()):
     return headroom.Contest(
         episode(), episode(static), (0.0, 0.0, 0.0), episode(oracle, 0.8, beyond), frozen
     )
+
+
+def read(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def table(scene, contests):
+    rows = list(headroom.rows(scene, contests))
+    assert len({(row.quantity, row.case) for row in rows}) == len(rows)
+    return {row.quantity: row for row in rows}
 
 
 def test_headroom_is_the_ratio_of_work_within_tolerance():
@@ -63,8 +77,17 @@ def test_a_quick_study_is_kept_on_disk(tmp_path, monkeypatch):
     monkeypatch.setattr(headroom, "run", lambda *arguments: pytest.fail("played twice"))
     assert list(headroom.measure(True, tmp_path)) == first
     found = {row.quantity: row for row in first}
-    assert found["headroom over the best static"].case == "colliding_patches, benchmark"
-    assert found["headroom over the best static"].value > 1.0
+    row = found["headroom over the best static"]
+    small = "" if row.value >= headroom.HEADROOM else ", small headroom"
+    assert row.case == f"colliding_patches, benchmark{small}"
+    assert row.value > 1.0
+    assert found["headroom"].case == "colliding_patches/val/0"
+    assert found["headroom"].value == pytest.approx(row.value)
+    told = read(tmp_path / "headroom_quick_instances.csv")
+    assert [one["player"] for one in told] == list(headroom.PLAYERS.values())
+    assert {one["instance"] for one in told} == {"colliding_patches/val/0"}
+    assert {float(one["headroom"]) for one in told} == {found["headroom"].value}
+    assert [one["within"] for one in told[1:]] == ["True", "True"]
 
 
 def test_what_is_kept_belongs_to_its_key(tmp_path):
@@ -77,3 +100,71 @@ def test_a_frozen_oracle_is_no_worse_than_the_static_setting():
     frozen = (episode(reward=-1.0), episode(reward=0.7), episode(reward=0.8))
     losses = headroom.losses([contest(frozen=frozen)])
     assert losses["Courant multiple"] == pytest.approx(0.3)
+
+
+def test_scenes_are_labelled_by_their_headroom():
+    assert headroom.label("dam_break", [contest(150)]) == "benchmark"
+    assert headroom.label("dam_break", [contest(149)]) == "benchmark, small headroom"
+    assert headroom.label("dam_break", [contest(beyond=0.06)]) == "benchmark, unknown headroom"
+    assert headroom.label("relaxation", [contest()]) == "diagnostic"
+    assert table("dam_break", [contest(110)])["work, oracle"].case.endswith("small headroom")
+
+
+def test_what_cannot_be_compared_is_counted():
+    contests = [contest(200), contest(800), contest(beyond=1.0), contest()._replace(static=None)]
+    found = table("dam_break", contests)
+    assert found["headroom over the best static"].value == pytest.approx(4)
+    told = {name: found[f"within tolerance, {name}"] for name in headroom.PLAYERS.values()}
+    assert [row.value for row in told.values()] == [4, 3, 3]
+    both = found["static and oracle within tolerance"]
+    assert (both.value, both.unit) == (2, "of 4 instances")
+    assert found["the same, if elsewhere nothing is gained"].value == pytest.approx(2)
+    single = [row for row in headroom.rows("dam_break", contests) if row.quantity == "headroom"]
+    assert {row.case: row.value for row in single} == {"dam_break/val/0": 2, "dam_break/val/1": 8}
+
+
+def test_where_all_can_be_compared_there_is_nothing_else_to_say():
+    found = table("dam_break", [contest(200), contest(800)])
+    assert found["headroom over the best static"].value == pytest.approx(4)
+    assert found["static and oracle within tolerance"].value == 2
+    assert not any(name.startswith("the same") for name in found)
+
+
+def test_errors_are_shown_beside_the_work():
+    off = contest()._replace(oracle=Episode(100, 0.8, 0.9, 0.0, False))
+    found = table("dam_break", [contest(), off])
+    assert found["error, oracle"].value == pytest.approx(0.7)
+    assert found["error, best static"].value == pytest.approx(0.5)
+
+
+def test_no_headroom_fails_benchmarks_alone():
+    none = [contest()._replace(static=None), contest(beyond=0.5)]
+    assert not table("dam_break", none)["headroom over the best static"].holds
+    assert all(row.holds for row in headroom.rows("relaxation", none))
+    assert table("relaxation", none)["no headroom: both within tolerance nowhere"].value == 0
+
+
+def test_all_episodes_are_written(tmp_path):
+    frozen = (episode(reward=0.7), episode(reward=0.8), episode(reward=0.6))
+    found = {"dam_break": [contest(frozen=frozen)], "relaxation": [contest()._replace(static=None)]}
+    headroom.write_instances(found, tmp_path / "deep" / "i.csv")
+    told = read(tmp_path / "deep" / "i.csv")
+    names = [*headroom.PLAYERS.values(), *(f"oracle without {one}" for one in headroom.CONTROLS)]
+    assert [row["player"] for row in told] == [*names, "tuned CFL", "oracle"]
+    assert [row["headroom"] for row in told[-2:]] == ["", ""]
+    assert told[1] == {
+        "instance": "dam_break/val/0", "label": "benchmark", "player": "best static",
+        "substeps": "300", "reward": "0.5", "error": "0.5", "beyond": "0.0", "blowup": "False",
+        "within": "True", "setting": "(0.0, 0.0, 0.0)", "headroom": "3.0",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["headroom", "exploits"])
+def test_the_table_says_why_a_scene_is_no_benchmark(name, tmp_path, monkeypatch, capsys):
+    rows = [Row("work", "relaxation, diagnostic", 1.0, ""), Row("work", "dam_break", 1.0, "")]
+    monkeypatch.setitem(studies._STUDIES, name, lambda quick, folder: rows)
+    assert studies.run_study(name, folder=tmp_path) == 0
+    out = capsys.readouterr().out
+    assert headroom.instances.DIAGNOSTIC["relaxation"] in out
+    assert headroom.instances.DIAGNOSTIC["hydrostatic_tank"] not in out
+    assert ("headroom_instances.csv" in out) == (name == "headroom")

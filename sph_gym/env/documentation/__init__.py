@@ -7,7 +7,8 @@ import gymnasium as gym
 
 from sph_gym.env import settings
 from sph_gym.env.documentation.markdown import table
-from sph_gym.env.documentation.sections import SECTIONS, Subject, head
+from sph_gym.env.documentation.sections import SECTIONS, head
+from sph_gym.env.documentation.subject import Subject
 from sph_gym.env.registration import SCENES
 from sph_gym.solver.checks import known
 

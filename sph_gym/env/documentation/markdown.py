@@ -16,9 +16,9 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def cell(value: Any) -> str:
-    """A cell of a table."""
+    """A cell of a table, in one line."""
     text = f"{value:.4g}" if isinstance(value, (float, np.floating)) else str(value)
-    return text.replace("|", r"\|")
+    return " ".join(text.replace("|", r"\|").split())
 
 
 def listed(docstring: str | None) -> dict[str, str]:

@@ -2,49 +2,32 @@
 
 import inspect
 from collections.abc import Callable
-from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from sph_gym import scenes
 from sph_gym.env import actions, episode, instances, observations, rewards, settings
 from sph_gym.env.documentation.markdown import listed, prose, span, table
+from sph_gym.env.documentation.spaces import action_space, limits, observation_space
+from sph_gym.env.documentation.subject import Subject, built
 from sph_gym.env.draws import FAMILIES
 from sph_gym.env.reference import TWIN_SOUND, WINDOW, n_frames
 from sph_gym.env.registration import HISTORY
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.env.vector import TuningVectorEnv
-from sph_gym.solver.failure import LINEAR_COURANT
 from sph_gym.solver.simulation import DEFAULT_XSPH
-from sph_gym.solver.state import Controls
 
 # An error and an amount of work in every row of the table of examples.
 EXAMPLES = ((0.5, 1 / 8), (0.5, 0.5), (0.5, 1.0), (0.5, 8.0), (1.1, 1.0), (3.0, 1.0), (100.0, 1.0))
 
 
-class Subject(NamedTuple):
-    """What a page is about.
-
-    id: of the environment; scene: the argument that it is registered with, None for one of the
-    user's own; scenes: the names of those that it shows.
-    """
-
-    id: str
-    scene: str | None
-    scenes: tuple[str, ...]
-
-    @property
-    def summary(self) -> str:
-        """What happens, in a sentence."""
-        if self.scene is None:
-            return "A `Scene` of your own, given as `scene=`."
-        if self.scene == settings.MIXED:
-            return f"Every reset draws one of the scenes {', '.join(self.scenes)}."
-        return scenes.description(FAMILIES[self.scene].builder)[0]
+def _own(about: Subject) -> str:
+    """The argument without which an environment can't be made."""
+    return ", scene=scene" if about.scene is None else ""
 
 
 def head(about: Subject) -> str:
     """The table on top of a page."""
-    extra = ", scene=scene" if about.scene is None else ""
+    extra = _own(about)
     rows = [
         ("Action Space", f"`{actions.Absolute().space()}`"),
         ("Observation Space", f"`Box(-1.0 or 0.0, 1.0, ({len(observations.FEATURES)},), float32)`"),
@@ -60,91 +43,18 @@ def _description(about: Subject) -> str:
         the flow stays what a fine run shows, and charged for blow-ups, clumping, compression and
         infidelity.
     """)
-    parts = [about.summary, general]
+    parts = [about.story, general]
     for name in about.scenes:
         builder = FAMILIES[name].builder
         parts.append(f"`{builder}`: {scenes.description(builder)[1]}")
+    labels = [(f"`{name}`", instances.label(name), instances.why(name)) for name in about.scenes]
+    if labels:
+        parts.append(table(["Scene", "Label", "Why"], labels))
     return "\n\n".join(parts)
-
-
-def _action_space(about: Subject) -> str:
-    rows = [
-        (k, one.name, -1.0, 1.0, one.low, one.high, one.quantity, one.scale, one.meaning)
-        for k, one in enumerate(actions.COORDINATES)
-    ]
-    headings = ["Num", "Action", "Min", "Max", "-1 means", "+1 means", "of", "Scale", "Meaning"]
-    parts = [table(headings, rows)]
-    if about.scenes:
-        headings = ["Scene", "Quantity", "Unit", "at -1", "at +1"]
-        parts += ["In physical units, in the nominal instance:", table(headings, _ranges(about))]
-    modes = [
-        (f'`"{name}"`', f"`{kind().space()}`", kind.__doc__) for name, kind in actions.MODES.items()
-    ]
-    parts += [table(["`action_mode`", "Space", "Meaning"], modes), f"STEP is {actions.STEP}."]
-    return "\n\n".join(parts)
-
-
-def _ranges(about: Subject) -> list[tuple[Any, ...]]:
-    rows: list[tuple[Any, ...]] = []
-    for name in about.scenes:
-        scene = _built(name, "nominal")[0]
-        middle = actions.encode(scene, Controls(1.0, scene.fluid.stiffness(scene.fluid.c0), 0.0))
-        ends = [[middle.copy() for _ in range(3)] for _ in range(2)]
-        for end, value in zip(ends, (-1.0, 1.0), strict=True):
-            for k in range(3):
-                end[k][k] = value
-        low, high = ([actions.decode(scene, at)[k] for k, at in enumerate(end)] for end in ends)
-        sound = [scene.fluid.sound_speed(end[1]) for end in (low, high)]
-        inert = "" if scene.effects.xsph else " (does nothing here)"
-        rows += [
-            (name, "time step where c = c0", "s", low[0], high[0]),
-            (name, "sound speed", "m/s", *sound),
-            (name, "stiffness", "Pa", low[1], high[1]),
-            (name, f"XSPH epsilon{inert}", "-", low[2], high[2]),
-        ]
-    return rows
-
-
-def _limits(about: Subject) -> str:
-    return prose(f"""
-        The agent sets three numbers of the solver, at the beginning of a step, and nothing else.
-        Positions, velocities and densities stay as they are.
-
-        - The time step is chosen in multiples of h / c, so that no action asks for one beyond
-          {actions.COURANT[1]} of them; it is snapped down so that a whole number fits into the
-          frame. The integrator takes about {LINEAR_COURANT}, and less where viscosity or large
-          forces act: where it breaks is for the agent to see.
-        - The stiffness stays positive and the sound speed within {actions.SOUND[0]} and
-          {actions.SOUND[1]} times c0. A change in mid-run is no trick without a price: a fluid
-          that is compressed stores energy in proportion to its stiffness, so that the change puts
-          energy in or takes it out. `info["control_work"]` tells how much [J/m], and the solver's
-          balance of energy takes it into account. `rate_limit=` bounds the factor by which the
-          sound speed may change in a step.
-        - XSPH moves positions only; velocities are not smoothed.
-        - Gravity, walls, the kernel, density, surface tension and the viscosities are physics, and
-          out of reach. Artificial viscosity is tied to the nominal c0 (alpha c0 h), not to the
-          present sound speed: a softer fluid is not a thinner one.
-        - The reference run is out of reach too: no observation comes from it.
-    """)
-
-
-def _observation_space(about: Subject) -> str:
-    rows = [
-        (k, one.name, one.meaning, float(one.low), float(one.high))
-        for k, one in enumerate(observations.Features(rollback=True).rows)
-    ]
-    return "\n\n".join(
-        [
-            f'`observation="features"`: {inspect.getdoc(observations.Features)}',
-            table(["Num", "Observation", "Meaning", "Min", "Max"], rows),
-            f'The last one is there only with `on_blowup="rollback"`: '
-            f"{len(observations.FEATURES)} entries without it.",
-            f'`observation="field"`: {inspect.getdoc(observations.Field)}',
-        ]
-    )
 
 
 def _rewards(about: Subject) -> str:
+    extra = _own(about)
     formula = prose(f"""
         e = max(density, clumping, fidelity), each in multiples of its tolerance:
 
@@ -154,7 +64,11 @@ def _rewards(about: Subject) -> str:
           that one alone if it is taken back.
 
         The reward is the sum of the terms, each times its weight (`reward_weights`, 1 unless
-        given), or all of them in this order as an array with `reward="vector"`:
+        given), or all of them in this order as an array with `reward="vector"`, for algorithms
+        with many objectives. Gymnasium's checker knows scalars only, so leave it out, as
+        `mo_gymnasium.make` does by default:
+        `gymnasium.make("{about.id}"{extra}, reward="vector", disable_env_checker=True)`.
+        `env.unwrapped.reward_space` bounds the terms.
     """)
     tolerances = listed(rewards.Tolerances.__doc__)
     defaults = rewards.Tolerances()._asdict()
@@ -178,13 +92,6 @@ def _rewards(about: Subject) -> str:
             "runs differ.",
         ]
     )
-
-
-@cache
-def _built(name: str, split: str) -> list[Any]:
-    """All scenes of a set."""
-    size = instances.SIZES[split]
-    return [instances.instance(name, split, number).build() for number in range(size)]
 
 
 def _starting_state(about: Subject) -> str:
@@ -225,21 +132,21 @@ def _drawn(name: str) -> list[list[str]]:
     for split, size in instances.SIZES.items():
         drawn = [instances.instance(name, split, k).drawn for k in range(size)]
         made = [usual | one.arguments for one in drawn if one.builder == builder]
-        built = _built(name, split)
+        shown = built(name, split)
         columns.append(
             {key: [one[key] for one in made] for key in usual}
             | {
                 "viscosity / (h c0)": [one.viscosity or 0.0 for one in drawn],
-                "fluid particles": [len(scene.x) for scene in built],
-                "duration [s]": [scene.duration for scene in built],
-                "steps": [n_frames(scene) for scene in built],
+                "fluid particles": [len(scene.x) for scene in shown],
+                "duration [s]": [scene.duration for scene in shown],
+                "steps": [n_frames(scene) for scene in shown],
             }
         )
     return [[key, *(span(column[key]) for column in columns)] for key in columns[0]]
 
 
 def _episode_end(about: Subject) -> str:
-    ends = [f"{n_frames(_built(name, 'nominal')[0])} ({name})" for name in about.scenes]
+    ends = [f"{n_frames(built(name, 'nominal')[0])} ({name})" for name in about.scenes]
     steps = f", in the nominal instance {', '.join(ends)}" if ends else ""
     return prose(f"""
         1. Truncation: after duration / frame steps{steps}.
@@ -275,7 +182,7 @@ def _argument_table(kind: type[Any], given: dict[str, Any]) -> str:
 
 
 def _vector(about: Subject) -> str:
-    extra = ", scene=scene" if about.scene is None else ""
+    extra = _own(about)
     text = f"""`gymnasium.make_vec("{about.id}", num_envs=64{extra})` gives the native one: the
 same episodes to the last bit, side by side on threads. It takes the arguments above and:"""
     return f"{text}\n\n{_argument_table(TuningVectorEnv, {})}"
@@ -287,9 +194,9 @@ def _history(about: Subject) -> str:
 
 SECTIONS: dict[str, Callable[[Subject], str]] = {
     "Description": _description,
-    "Action Space": _action_space,
-    "What the agent may and may not change": _limits,
-    "Observation Space": _observation_space,
+    "Action Space": action_space,
+    "What the agent may and may not change": limits,
+    "Observation Space": observation_space,
     "Rewards": _rewards,
     "Starting State": _starting_state,
     "Episode End": _episode_end,

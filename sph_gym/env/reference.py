@@ -8,6 +8,7 @@ solver, of the rule and of the actions, and this file.
 import hashlib
 import os
 import tempfile
+import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -67,6 +68,8 @@ class Reference(NamedTuple):
 
 MOST_KEPT = 512
 _KEPT: dict[str, Reference] = {}
+# Environments of a vector begin side by side.
+_KEEPING = threading.Lock()
 
 
 def n_frames(scene: Scene) -> int:
@@ -90,9 +93,11 @@ def reference(scene: Scene, instance_id: str | None = None) -> Reference:
         if stored is None:
             stored = _compute(scene)
             _write(path, stored)
-        while len(_KEPT) >= MOST_KEPT:
-            _KEPT.pop(next(iter(_KEPT)))
-        _KEPT[key] = stored
+        with _KEEPING:
+            while len(_KEPT) >= MOST_KEPT:
+                _KEPT.pop(next(iter(_KEPT)))
+            _KEPT[key] = stored
+        return stored
     return _KEPT[key]
 
 

@@ -59,8 +59,7 @@ class Settings:
         for name in self._scenes:
             first = instances.instance(name, split, 0, dx)
             if dx is not None:
-                # only the scene itself knows which spacings are too coarse for it
-                first.build()
+                _try(first, dx)
 
     # --- instances --------------------------------------------------------------------------
 
@@ -110,8 +109,19 @@ class Settings:
         ends[np.isnan(ends)] = 0.0
         return spaces.Box(*np.sort(ends, axis=0).astype(np.float32), dtype=np.float32)
 
-    def masks(self, coordinates: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def masks(self, scene: Scene, coordinates: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which discrete actions do something of their own."""
         if not isinstance(self.rules.actions, actions.Discrete):
             raise AttributeError('action_masks: only with action_mode="discrete"')
-        return self.rules.actions.masks(coordinates)
+        useful = actions.useful(scene, self.rules.rate_limit)
+        return self.rules.actions.masks(coordinates, useful)
+
+
+def _try(instance: instances.Instance, dx: float) -> None:
+    """Only the scene itself knows which spacings are too coarse for it."""
+    try:
+        instance.build()
+    except ValueError as error:
+        raise ValueError(
+            f"dx: expected a spacing that {instance.scene} can be made with, got {dx:g} ({error})"
+        ) from None

@@ -195,7 +195,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
 
         Raises AttributeError unless action_mode="discrete".
         """
-        return self.settings.masks(self.episode.coordinates)
+        return self.settings.masks(self.episode.scene, self.episode.coordinates)
 
     def get_state(self) -> dict[str, Any]:
         """The whole environment as plain arrays and numbers: instance, episode, generator."""

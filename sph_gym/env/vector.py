@@ -1,6 +1,7 @@
 """Many environments at once: the same episodes, advanced side by side on threads."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -88,11 +89,12 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         if not isinstance(options, dict | None):
             raise ValueError(f"options: expected a dictionary, got {options!r}")
         options = dict(options or {})
-        mask = self._mask(options.pop("reset_mask", None))
+        mask, seeds = self._mask(options.pop("reset_mask", None)), self._seeds(seed)
         infos: list[dict[str, Any] | None] = [None] * self.num_envs
-        for k, own_seed in enumerate(self._seeds(seed)):
-            if mask[k]:
-                infos[k] = self._reset(k, own_seed, options or None)
+        chosen = np.flatnonzero(mask).tolist()
+        tasks = [partial(self._reset, k, seeds[k], options or None) for k in chosen]
+        for k, info in zip(chosen, self._side_by_side(tasks), strict=True):
+            infos[k] = info
         return np.stack(self.observations), _columns(infos)
 
     def _reset(self, k: int, seed: int | None = None, options: Any = None) -> dict[str, Any]:
@@ -113,6 +115,9 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
             raise ValueError(
                 f"reset_mask: expected shape ({self.num_envs},) and at least one True, got {mask!r}"
             )
+        new = [k for k, seen in enumerate(self.observations) if seen is None and not mask[k]]
+        if new:
+            raise ValueError(f"reset_mask: expected {new} too, which were never reset")
         return mask
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
@@ -160,35 +165,44 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         finals: list[Any] = [None] * self.num_envs
         terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
         rewards: list[Any] = [self.envs[0].settings.reward_of([0.0] * 5)] * self.num_envs
-        for k, outcome in zip(playing, self._run(playing, given), strict=True):
+        resting = np.flatnonzero(waiting).tolist()
+        tasks: list[Callable[[], Any]] = [partial(self._step, k, given[k]) for k in playing]
+        outcomes = self._side_by_side(tasks + [partial(self._reset, k) for k in resting])
+        for k, outcome in zip(playing, outcomes, strict=False):
             self.observations[k], rewards[k], terminated[k], truncated[k], infos[k] = outcome
             self._elapsed[k] += 1
             if self.max_episode_steps is not None and self._elapsed[k] >= self.max_episode_steps:
                 truncated[k] = True
         self._over = terminated | truncated
-        for k in np.flatnonzero(waiting).tolist():
-            infos[k] = self._reset(k)
+        for k, info in zip(resting, outcomes[len(playing) :], strict=True):
+            infos[k] = info
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
-            for k in np.flatnonzero(self._over).tolist():
+            ended = np.flatnonzero(self._over).tolist()
+            for k in ended:
                 finals[k] = self.observations[k], infos[k]
-                infos[k] = self._reset(k)
+            begun = self._side_by_side([partial(self._reset, k) for k in ended])
+            for k, info in zip(ended, begun, strict=True):
+                infos[k] = info
         return rewards, terminated, truncated, infos, finals
 
-    def _run(self, playing: Sequence[int], given: Sequence[Any]) -> list[Any]:
-        """What a step of each comes to: every thread takes the next environment that is left."""
-        outcomes: list[Any] = [None] * len(playing)
-        left, team = iter(range(len(playing))), teams.make_team()
+    def _step(self, k: int, action: Any) -> Any:
+        env = self.envs[k]
+        env.begin_step(action)
+        return env.end_step(env.sim.advance(env.episode.scene.frame))
+
+    def _side_by_side(self, tasks: Sequence[Callable[[], Any]]) -> list[Any]:
+        """What each task returns: every thread takes the next one that is left."""
+        outcomes: list[Any] = [None] * len(tasks)
+        left, team = iter(range(len(tasks))), teams.make_team()
 
         def part(rank: int, n_threads: int) -> None:
             for i in left:
                 if team[teams.STOP]:
                     return
-                env = self.envs[playing[i]]
-                env.begin_step(given[playing[i]])
-                outcomes[i] = env.end_step(env.sim.advance(env.episode.scene.frame))
+                outcomes[i] = tasks[i]()
 
         most = teams.most_threads() if self.threads is None else self.threads
-        with teams.borrow(min(most, max(len(playing), 1))) as n_threads:
+        with teams.borrow(min(most, max(len(tasks), 1))) as n_threads:
             teams.run(part, n_threads, team)
         return outcomes
 

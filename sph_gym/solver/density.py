@@ -369,8 +369,8 @@ def compute_wall_sums(
 class Alone(NamedTuple):
     """Boundary particles with neither box nor plates at their face.
 
-    leap: farther than this [m] in a step, a path is looked at; reach: closer than this [m] to one of
-    them, it leads into the wall.
+    leap: of who moves farther than this [m] in a step, the path is looked at; reach: closer than
+    this [m] to one of them, it leads into the wall.
     """
 
     leap: float

@@ -82,6 +82,6 @@ def test_shipped_references_serve_only_the_scene_that_they_belong_to(store, monk
     assert len(reference(instance.build(), instance.id).fine.kinetic) > 10
     monkeypatch.setattr(module, "_compute", lambda scene: "computed")
     monkeypatch.setattr(module, "_write", lambda path, stored: None)
-    other = instances.parse("hydrostatic_tank/val/3", dx=0.05)
+    other = instances.instance("hydrostatic_tank", "val", 3, dx=0.05)
     assert reference(other.build(), other.id) == "computed"
     assert reference(SCENE, "nowhere/custom/0") == "computed"

@@ -1,5 +1,6 @@
 import copy
 import pickle
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -10,6 +11,7 @@ import sph_gym
 from sph_gym import scenes
 from sph_gym.env import SCENES, env_id, rewards, scene_of
 from sph_gym.env.episode import INFO
+from sph_gym.env.reference import fingerprint
 
 IDS = [env_id(scene) for scene in SCENES]
 FLOATS = [name for name, (unit, _) in INFO.items() if unit != "text"]
@@ -114,7 +116,12 @@ def test_the_environments_generator_draws_the_instance(env):
 
 def test_options_choose_the_instance(env):
     _, info = env.reset(options={"instance": "dam_break/val/3"})
-    assert info["instance_id"] == f"dam_break/val/3/dx={COARSE['dx']}"
+    # an id means one flow, whatever the environment's own spacing
+    assert info["instance_id"] == "dam_break/val/3"
+    assert env.episode.scene.dx == 0.04
+    _, info = env.reset(options={"instance": "dam_break/val/3/dx=0.08"})
+    assert info["instance_id"] == "dam_break/val/3/dx=0.08"
+    assert env.episode.scene.dx == 0.08
     with pytest.raises(ValueError, match="instance"):
         env.reset(options={"instance": "dam_break/val/300"})
 
@@ -181,7 +188,7 @@ def test_a_scene_of_the_users_own():
     scene = scenes.make("drop_impact", dx=0.06)
     env = gym.make("sph_gym/Custom-v0", scene=scene).unwrapped
     _, info = env.reset(seed=0)
-    assert info["instance_id"] == "drop_impact/custom/0"
+    assert info["instance_id"] == f"drop_impact/custom/{fingerprint(scene)}"
     env.step(GENTLE)
     with pytest.raises(ValueError, match="instances"):
         gym.make("sph_gym/Custom-v0", scene=scene, instances="train")
@@ -262,6 +269,11 @@ def test_rollbacks_in_a_row_end():
         if info["blowup"]:
             in_a_row.append(info["rollbacks"])
     assert in_a_row == [1.0, 2.0, 3.0, 0.0]
+    # steps that were taken back are no part of the flow
+    numbers = env.sim.diagnostics()
+    for name in ("blowup_substep", "time_to_failure"):
+        assert info[name] == numbers[name] > 0
+    assert info["blowup_substep"] * info["dt"] < 2 * info["time_to_failure"]
     assert info["reward_blowup"] < -rewards.WORST
 
 
@@ -293,6 +305,54 @@ def test_a_state_that_is_taken_back_goes_on_alike(on_blowup):
             assert one[1:] == two[1:]
         env.reset()
     assert made.instance_id == other.instance_id
+
+
+def test_a_state_tells_the_spacing_of_its_flow():
+    arguments = {"scene": "dam_break", "dx": 0.08, "instances": "train"}
+    made, other = sph_gym.TuningEnv(**arguments), sph_gym.TuningEnv(**arguments)
+    # sizes are multiples of dx, so that both flows have as many particles
+    made.reset(seed=0, options={"instance": "dam_break/train/17"})
+    other.set_state(made.get_state())
+    assert other.instance_id == made.instance_id == "dam_break/train/17"
+    assert other.episode.scene.dx == made.episode.scene.dx == 0.04
+    assert made.step(GENTLE)[1:] == other.step(GENTLE)[1:]
+
+
+def test_states_of_another_scene_of_ones_own_are_refused():
+    one, other = (
+        sph_gym.TuningEnv(scenes.make("patch_impact", dx=0.1, gap=gap)) for gap in (0.2, 0.4)
+    )
+    one.reset(seed=0)
+    with pytest.raises(ValueError, match="instance"):
+        other.set_state(one.get_state())
+
+
+@pytest.mark.parametrize("part", ["episode", "generator"])
+def test_a_state_that_does_not_fit_changes_nothing(env, part):
+    env.reset(seed=0)
+    env.step(GENTLE)
+    state = env.get_state()
+    env.step(GENTLE)
+    before = env.get_state()
+    wrongs = {
+        "episode": [{k: v for k, v in state["episode"].items() if k != gone}
+                    for gone in ("info", "before", "simulation", "step")],
+        "generator": [{}, None, {**state["generator"], "bit_generator": "MT19937"}],
+    }  # fmt: skip
+    for wrong in wrongs[part]:
+        with pytest.raises(ValueError, match="state"):
+            env.set_state({**state, part: wrong})
+        after = env.get_state()
+        assert after["generator"] == before["generator"]
+        assert after["episode"]["info"] == before["episode"]["info"]
+        assert after["episode"]["simulation"]["time"] == before["episode"]["simulation"]["time"]
+        assert env.sim.time == before["episode"]["simulation"]["time"]
+
+
+@pytest.mark.parametrize("arguments", [{"scene": "dam_break"}, {"scene": "mixed"}], ids=str)
+def test_a_spacing_that_is_too_coarse_is_refused_at_the_door(arguments):
+    with pytest.raises(ValueError, match="dx"):
+        sph_gym.TuningEnv(**arguments, dx=10.0)
 
 
 def test_other_states_are_refused(env):
@@ -349,6 +409,15 @@ def test_masks_leave_no_action_that_does_what_another_does():
     plain.reset(seed=0)
     with pytest.raises(AttributeError, match="discrete"):
         plain.action_masks()
+
+
+def test_masks_leave_out_what_does_nothing_in_this_environment():
+    made = sph_gym.TuningEnv("dam_break", **COARSE, action_mode="discrete", rate_limit=1.0)
+    made.reset(seed=0)
+    assert made.action_masks().sum() <= 9
+    free = sph_gym.TuningEnv("dam_break", **COARSE, action_mode="discrete").settings
+    plain = replace(made.episode.scene, effects=sph_gym.Effects())
+    assert free.masks(plain, np.zeros(3)).sum() == 9
 
 
 def test_a_field_shows_where_the_fluid_is_and_goes():

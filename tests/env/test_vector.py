@@ -148,3 +148,11 @@ def test_methods_and_attributes_of_all():
     states = envs.unwrapped.call("get_state")
     assert [state["instance"] for state in states] == list(envs.unwrapped.get_attr("instance_id"))
     assert sph_gym.TuningEnv is type(envs.unwrapped.envs[0])
+
+
+def test_the_first_reset_is_of_all():
+    envs = TuningVectorEnv(3, scene="drop_impact", **ARGUMENTS)
+    with pytest.raises(ValueError, match=r"reset_mask: expected \[0, 2\] too"):
+        envs.reset(seed=0, options={"reset_mask": np.array([False, True, False])})
+    # and nothing has moved
+    assert all(observation is None for observation in envs.observations)

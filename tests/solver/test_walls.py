@@ -169,7 +169,7 @@ def test_nobody_gets_into_an_obstacle_within_a_box_unnoticed(mach):
 
 @pytest.mark.parametrize("mach", [4.0, 30.0])
 @pytest.mark.parametrize(
-    "start, direction",
+    ("start", "direction"),
     [((0.02, 3.0), (0.0, 1.0)), ((0.02, 0.1), (0.0, 1.0)), ((-0.4, 0.2), (1.0, 0.0))],
     ids=["far away", "away from it", "along it"],
 )
@@ -181,9 +181,7 @@ def test_strays_may_be_as_fast_as_they_like_where_no_wall_is_in_their_way(mach, 
 
 @pytest.mark.parametrize("mach", [4.0, 30.0])
 def test_nobody_leaps_through_a_wall_at_the_end_of_a_periodic_domain_unnoticed(mach):
-    sim = stray(
-        mach, start=(0.0, 0.1), direction=(0.6, -0.8), guard={"period_x": (-0.5, 0.5)}
-    )
+    sim = stray(mach, start=(0.0, 0.1), direction=(0.6, -0.8), guard={"period_x": (-0.5, 0.5)})
     report = sim.advance(0.05)
     assert (report.cause, report.link, report.bad_particle) == ("tunnelling", "walls", 1)
 

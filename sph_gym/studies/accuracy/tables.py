@@ -9,10 +9,11 @@ from sph_gym.studies import machine
 from sph_gym.studies.accuracy import figures, fronts, luck, recommend, summary
 from sph_gym.studies.accuracy import gains as buying
 from sph_gym.studies.accuracy.plan import NUMBERS, knobs, rungs
-from sph_gym.studies.accuracy.points import Point, sources
+from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.promises import samples
 from sph_gym.studies.accuracy.samples import Sample, write
+from sph_gym.studies.accuracy.shelf import sources
 
 TIME = "cost"
 

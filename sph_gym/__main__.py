@@ -88,7 +88,7 @@ def _add_recommend(commands: Any) -> None:
     recommend.set_defaults(function=_recommend)
     recommend.add_argument("scene", help="one that `study accuracy` has measured")
     wanted = recommend.add_mutually_exclusive_group(required=True)
-    wanted.add_argument("--error", type=float, metavar="SHARE", help="such as 0.01 for 1 %%")
+    wanted.add_argument("--error", metavar="SHARE", help="such as 0.01 or 1%%")
     wanted.add_argument(
         "--budget", metavar="TIME", help="processor time after compilation: 10s, 2min"
     )
@@ -148,12 +148,12 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    from sph_gym.studies.accuracy import recommend, telling
+    from sph_gym.studies.accuracy import asking, recommend, telling
 
     advice = recommend.advise(
         options.scene,
-        options.error,
-        None if options.budget is None else recommend.parse_budget(options.budget),
+        None if options.error is None else asking.parse_error(options.error),
+        None if options.budget is None else asking.parse_budget(options.budget),
         dict(map(_assignment, options.set)),
         options.table,
     )

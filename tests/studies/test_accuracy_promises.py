@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from sph_gym.studies.accuracy import points, problems, promises, recommend
+from sph_gym.studies.accuracy import lines, points, problems, promises
 from sph_gym.studies.accuracy.settings import nominal
 
 DROP = replace(problems.problem("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
@@ -69,7 +69,7 @@ def test_another_case_is_told_what_anybody_would_be():
         ]
         for kernel, effort in (("spiky", 1.0), ("wendland_c2", 9.0))
     )
-    lines = recommend.fit([*cheap, *dear])
+    fitted = lines.fit([*cheap, *dear])
 
     def probe(setting):
         return (math.nan if setting.kernel == "spiky" else 0.1 / 6), 9.0 * 6**3

@@ -79,8 +79,12 @@ def trade(ladder: Sequence[Known], cost: str) -> float:
 def flat(ladder: Sequence[Known], cost: str) -> bool:
     """Whether errors hardly fall along a sweep of resolutions, the cost going as dx^-3."""
     good = [run for run in ladder if run.good]
-    slope = fit([getattr(run, cost) for run in good], [run.error for run in good]).slope
-    return not -3 * slope >= LEAST_ORDER
+    return is_flat([getattr(run, cost) for run in good], [run.error for run in good])
+
+
+def is_flat(costs: Sequence[float], errors: Sequence[float]) -> bool:
+    """The same of costs and errors."""
+    return not -3 * fit(costs, errors).slope >= LEAST_ORDER
 
 
 def worth(

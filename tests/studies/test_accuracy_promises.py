@@ -74,12 +74,12 @@ def test_another_case_is_told_what_anybody_would_be():
     def probe(setting):
         return (math.nan if setting.kernel == "spiky" else 0.1 / 6), 9.0 * 6**3
 
-    answers = promises._elsewhere(lines, probe)
-    assert {choice.setting.kernel for choice in promises._between(lines)} == {"spiky"}
+    answers = promises._elsewhere(fitted, probe)
+    assert {choice.setting.kernel for choice in promises._between(fitted)} == {"spiky"}
     assert len(answers) == len(promises.ASKED)
     assert {choice.setting.kernel for choice in answers} == {"wendland_c2"}
     assert all(choice.setting.across != 6 for choice in answers)
-    assert promises._elsewhere(lines, lambda setting: (math.nan, 1.0)) == []
+    assert promises._elsewhere(fitted, lambda setting: (math.nan, 1.0)) == []
 
 
 def test_times_of_promises_are_taken_anew_if_asked_for(tmp_path, monkeypatch):

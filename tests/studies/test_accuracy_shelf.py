@@ -161,3 +161,22 @@ def test_a_record_knows_the_version_and_the_commit_which_are_no_part_of_its_key(
         assert len(kept["versions"]["commit"].removesuffix("-dirty")) == 40
     facts = shelf.manifest(DROP, nominal(DROP), False)
     assert shelf.key_of(facts | {"versions": {}}) == found.key
+
+
+def test_one_point_is_run_again(tmp_path, capsys):
+    drop = problems.problem("elliptical_drop")
+    setting = nominal(drop, 6)
+    found = points.point(drop, "nominal", setting, tmp_path / "accuracy", repeats=1)
+    command = ["study", "accuracy", "--output", str(tmp_path), "--point"]
+    assert main([*command, found.key[:6]]) == 0
+    assert f"error kept: {found.error!r}, now: {found.error!r}" in capsys.readouterr().out
+    path = tmp_path / "accuracy" / "points" / f"{found.key}.json"
+    kept = json.loads(path.read_text())
+    kept["outcome"]["error"] *= 1 + 3e-16
+    path.write_text(json.dumps(kept))
+    assert main([*command, found.key]) == 1
+    assert "the errors differ" in capsys.readouterr().out
+    assert main([*command, "../x"]) == 2
+    assert main([*command, "0" * 20]) == 2
+    assert main(["study", "effects", "--point", "0"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 3

@@ -130,7 +130,8 @@ def best(points: Sequence[Run], knob: str, cost: str) -> Value | None:
     bold = {str(p.setting.step) for p in points if p.setting.step > LONGEST}
     known = [value for value in values(points, knob, cost) if math.isfinite(value.gain)]
     allowed = [value for value in known if knob != "step" or value.value not in bold]
-    for value in sorted(allowed, key=lambda value: value.gain, reverse=True):
+    # what is only known to be at most so comes last
+    for value in sorted(allowed, key=lambda value: (value.bound != "<", value.gain), reverse=True):
         found = _value(knob, value.value, _ladder(points), _alike(points, knob, value), cost)
         if math.isfinite(found.gain):
             return found

@@ -56,7 +56,7 @@ def chance(points: Sequence[Point]) -> str:
 def headline(points: Sequence[Point], cost: str) -> fronts.Worth:
     """How many times faster the best setting is at equal error; NaN where chance decides.
 
-    Of all lines, and of single knobs where no bound is all that is known: by the same measure.
+    Of all lines and of single knobs, by the same measure; what is at most so doesn't count.
     """
     if chance(points):
         return fronts.Worth(math.nan)
@@ -69,8 +69,7 @@ def headline(points: Sequence[Point], cost: str) -> fronts.Worth:
         best = gains.best(points, knob, cost)
         every += [fronts.Worth(best.gain, best.bound)] if best is not None else []
     known = [worth for worth in every if math.isfinite(worth.gain) and worth.bound != "<"]
-    inside = [worth for worth in known if not worth.bound]
-    return max(inside or known, default=fronts.Worth(math.nan))
+    return max(known, default=fronts.Worth(math.nan))
 
 
 def at_usual_speed(points: Sequence[Point]) -> list[Point]:

@@ -36,7 +36,7 @@ def _draw_multiples(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> Non
     grid = figure.subplots(n_rows, n_columns, squeeze=False)
     figure.subplots_adjust(left=0.075, right=0.985, top=0.86, bottom=0.08, wspace=0.55, hspace=0.6)
     figure.supxlabel(
-        "seconds per simulated second, one pinned thread (processor time, corrected by a benchmark)",
+        "seconds per simulated second, one pinned thread (corrected by a benchmark)",
         fontsize=9.5,
     )
     for axes in grid.flat[len(by_scene) :]:

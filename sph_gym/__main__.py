@@ -68,6 +68,9 @@ def _parser() -> argparse.ArgumentParser:
         "--again", action="store_true",
         help="validation: anew what was done before; accuracy: its times",
     )  # fmt: skip
+    study.add_argument(
+        "--point", metavar="KEY", help="accuracy: run one kept point again; a hash of points.csv"
+    )
     study.add_argument("--output", default="runs/studies", help="folder of the CSV file")
     _add_recommend(commands)
     docs = commands.add_parser("docs", help="everything about an environment, as Markdown")
@@ -88,7 +91,7 @@ def _add_recommend(commands: Any) -> None:
     recommend.set_defaults(function=_recommend)
     recommend.add_argument("scene", help="one that `study accuracy` has measured")
     wanted = recommend.add_mutually_exclusive_group(required=True)
-    wanted.add_argument("--error", type=float, metavar="SHARE", help="such as 0.01 for 1 %%")
+    wanted.add_argument("--error", metavar="SHARE", help="such as 0.01 or 1%%")
     wanted.add_argument(
         "--budget", metavar="TIME", help="processor time after compilation: 10s, 2min"
     )
@@ -141,6 +144,12 @@ def _assignment(text: str) -> tuple[str, Any]:
 def _study(options: argparse.Namespace) -> int:
     from sph_gym.studies import Peers, run_study
 
+    if options.point is not None:
+        if options.name != "accuracy":
+            raise ValueError(f"--point: only the study accuracy has it, not {options.name}")
+        from sph_gym.studies.accuracy.rerun import rerun
+
+        return rerun(options.point, Path(options.output) / "accuracy")
     peers = Peers(Path(options.peers), options.peers_python) if options.peers else None
     return run_study(
         options.name, options.quick, options.output, peers, options.scenes, options.again
@@ -148,12 +157,12 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    from sph_gym.studies.accuracy import recommend, telling
+    from sph_gym.studies.accuracy import asking, recommend, telling
 
     advice = recommend.advise(
         options.scene,
-        options.error,
-        None if options.budget is None else recommend.parse_budget(options.budget),
+        None if options.error is None else asking.parse_error(options.error),
+        None if options.budget is None else asking.parse_budget(options.budget),
         dict(map(_assignment, options.set)),
         options.table,
     )

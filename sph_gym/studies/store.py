@@ -85,15 +85,20 @@ def probe(folder: Path) -> None:
 
 def read(path: Path) -> Any:
     """A stored object with a "result"; None if there is none or it is damaged."""
+    return content(path, lambda stored: "result" in stored)
+
+
+def content(path: Path, fits: Callable[[dict[str, Any]], bool]) -> Any:
+    """A stored object that fits; None if there is none or it is damaged, with a warning."""
     try:
         stored = json.loads(path.read_text())
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
-        warnings.warn(f"{path} can't be read and is made anew: {error}", stacklevel=2)
+        warnings.warn(f"{path} can't be read and is made anew: {error}", stacklevel=3)
         return None
-    if not isinstance(stored, dict) or "result" not in stored:
-        warnings.warn(f"{path} is no finished run and is made anew", stacklevel=2)
+    if not isinstance(stored, dict) or not fits(stored):
+        warnings.warn(f"{path} is no finished run and is made anew", stacklevel=3)
         return None
     return stored
 

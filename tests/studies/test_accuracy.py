@@ -15,6 +15,7 @@ from sph_gym.studies.accuracy import (
     points,
     policies,
     problems,
+    shelf,
     study,
 )
 from sph_gym.studies.accuracy.running import execute
@@ -138,7 +139,7 @@ def test_the_record_says_all_that_the_error_depends_on(tmp_path):
     record = json.loads((tmp_path / "points" / f"{found.key}.json").read_text())
     assert record["hash"] == found.key
     assert record["setting"] == drop()._asdict()
-    assert record["sources"] == points.sources()
+    assert record["sources"] == shelf.sources()
     assert {"processor", "numba", "numpy", "python"} <= set(record["versions"])
     assert record["outcome"]["error"] == found.error
     assert "wall" not in record["outcome"]

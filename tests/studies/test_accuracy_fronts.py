@@ -44,43 +44,41 @@ def test_a_power_law_has_its_order_and_elasticity(order):
 
 
 def test_no_elasticity_without_a_change_of_time():
-    assert math.isnan(fronts.elasticity([Run(1, 2), Run(1.1, 5)], "wall"))
+    assert math.isnan(fronts.elasticity([Run(1, 2), Run(1.4, 5)], "wall"))
+    assert math.isfinite(fronts.elasticity([Run(1, 2), Run(1.6, 5)], "wall"))
     assert math.isnan(fronts.elasticity([Run(1, 2), Run(9, 5, False)], "wall"))
 
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_resolution_alone_buys_nothing(order):
     runs = line(order)
-    assert [worth(runs, run) for run in runs] == pytest.approx([1.0] * 4)
+    assert [worth(runs, run).gain for run in runs] == pytest.approx([1.0] * 4)
+    assert not any(worth(runs, run).bound for run in runs)
 
 
 def test_worth_is_time_at_equal_error():
     runs = line(1.0)
     start = runs[0]
-    assert worth(runs, start._replace(wall=start.wall / 3)) == pytest.approx(3)
-    assert worth(runs, start._replace(error=start.error / 2)) == pytest.approx(8)
+    assert worth(runs, start._replace(wall=start.wall / 3)) == (pytest.approx(3), "")
+    assert worth(runs, start._replace(error=start.error / 2)) == (pytest.approx(8), "")
+    assert worth(runs, start._replace(error=start.error / 3)) == (pytest.approx(27), "")
 
 
-def test_errors_that_do_not_fall_are_traded_with_care():
-    flat = [Run(8, 1.0), Run(1, 0.9), Run(64, 1.1)]
-    assert fronts.trade(flat, "wall") == fronts.STEEPEST
-    assert fronts.trade(line(0.01), "wall") == fronts.STEEPEST
-    assert fronts.trade(line(9), "wall") == fronts.FLATTEST
+def test_beyond_the_measured_errors_there_is_only_a_bound():
+    runs = line(1.0)
+    start = runs[0]
+    # not what a power law would have: 8000 and 1 / 27
+    assert worth(runs, start._replace(error=start.error / 20)) == (pytest.approx(64), ">")
+    assert worth(runs, start._replace(error=start.error * 3)) == (pytest.approx(1 / 8), "<")
 
 
 def test_errors_within_the_scatter_of_a_flat_ladder_are_equal():
     ladder = [Run(8, 0.036), Run(1, 0.039), Run(64, 0.037)]
     assert fronts.flat(ladder, "wall")
     assert not fronts.flat(line(0.5), "wall")
-    assert worth(ladder, Run(4, 0.001)) == pytest.approx(2)
-    assert worth(ladder, Run(4, 0.0389)) == pytest.approx(2)
-    assert worth(ladder, Run(4, 0.078)) == pytest.approx(2 * 2.0**fronts.STEEPEST)
-
-
-def test_the_gain_is_against_the_first_run():
-    runs = [Run(8, 1.0), Run(2, 1.0), Run(1, 1.1)]
-    assert fronts.gain(runs[0], runs, "wall") == 4
-    assert math.isnan(fronts.gain(Run(8, 1.0, False), runs, "wall"))
+    assert worth(ladder, Run(4, 0.001)) == (pytest.approx(2), "")
+    assert worth(ladder, Run(4, 0.0389)) == (pytest.approx(2), "")
+    assert worth(ladder, Run(4, 0.078)) == (pytest.approx(0.25), "<")
 
 
 @pytest.mark.parametrize("ends", [(0.011, 0.9), (1.2, 2.9), (3e5, 2e9), (0.97, 1.6), (0.1, 9)])

@@ -1,7 +1,7 @@
 import math
 from dataclasses import replace
 
-from sph_gym.studies.accuracy import luck, points, problems, tables
+from sph_gym.studies.accuracy import gains, luck, points, problems, tables
 from sph_gym.studies.accuracy.settings import nominal
 
 DROP = replace(problems.problem("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
@@ -65,3 +65,38 @@ def test_the_cheapest_is_told_with_the_error_that_it_has():
     assert (two["across"], two["error"], two["error_without_luck"]) == (8, 0.001, 0.01)
     assert one["key"] == two["key"]
     assert not half["reached"]
+
+
+def turned(order=1.0, scene="elliptical_drop"):
+    """A scene's own runs, a kernel that makes an error a third, and a line that does both."""
+    sizes = (8, 6, 10, 14)
+    own = [made_up(drop(across=n), n**-order, knob="resolution", effort=float(n**3)) for n in sizes]
+    own[0] = own[0]._replace(knob="nominal")
+    third = [
+        p._replace(setting=p.setting._replace(kernel="spiky"), error=p.error / 1.5, knob="kernel")
+        for p in own
+    ]
+    found = [*own, *(p._replace(key=str(p.setting)) for p in third)]
+    return [p._replace(scene=scene) for p in found]
+
+
+def test_the_headline_is_never_less_than_a_knob_alone():
+    found = turned()
+    alone = gains.best(found, "kernel", "cost")
+    assert alone.bound == ""
+    best = luck.headline(found, "cost")
+    assert best == (alone.gain, "")
+    # error and time as a power law has them
+    assert abs(best.gain - 1.5**3) < 0.1
+    # known at a few resolutions only: not on the front, and yet not better than the best
+    few = [p for p in found if p.knob != "kernel" or p.setting.across < 14]
+    assert luck.headline(few, "cost").gain >= gains.best(few, "kernel", "cost").gain > 2
+
+
+def test_where_chance_decides_there_is_neither_front_nor_headline():
+    for found in (turned(0.05), turned(scene="hydrostatic_tank"), turned(scene="droplet")):
+        assert luck.chance(found)
+        assert luck.front(found, "cost") == []
+        assert math.isnan(luck.headline(found, "cost").gain)
+    assert not luck.chance(turned())
+    assert luck.front(turned(), "cost")

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from sph_gym.studies.accuracy import points, problems, promises, recommend
+from sph_gym.studies.accuracy import lines, points, problems, promises
 from sph_gym.studies.accuracy.settings import nominal
 
 DROP = replace(problems.problem("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
@@ -69,17 +69,17 @@ def test_another_case_is_told_what_anybody_would_be():
         ]
         for kernel, effort in (("spiky", 1.0), ("wendland_c2", 9.0))
     )
-    lines = recommend.fit([*cheap, *dear])
+    fitted = lines.fit([*cheap, *dear])
 
     def probe(setting):
         return (math.nan if setting.kernel == "spiky" else 0.1 / 6), 9.0 * 6**3
 
-    answers = promises._elsewhere(lines, probe)
-    assert {choice.setting.kernel for choice in promises._between(lines)} == {"spiky"}
+    answers = promises._elsewhere(fitted, probe)
+    assert {choice.setting.kernel for choice in promises._between(fitted)} == {"spiky"}
     assert len(answers) == len(promises.ASKED)
     assert {choice.setting.kernel for choice in answers} == {"wendland_c2"}
     assert all(choice.setting.across != 6 for choice in answers)
-    assert promises._elsewhere(lines, lambda setting: (math.nan, 1.0)) == []
+    assert promises._elsewhere(fitted, lambda setting: (math.nan, 1.0)) == []
 
 
 def test_times_of_promises_are_taken_anew_if_asked_for(tmp_path, monkeypatch):

@@ -6,7 +6,8 @@ import pytest
 
 from sph_gym import scenes
 from sph_gym.__main__ import main
-from sph_gym.studies.accuracy import names, recommend, telling
+from sph_gym.studies.accuracy import asking, names, recommend, telling
+from sph_gym.studies.accuracy import lines as measured
 from sph_gym.studies.accuracy.problems import problem
 from sph_gym.studies.accuracy.running import execute
 from sph_gym.studies.accuracy.samples import Sample, read, shipped, write
@@ -79,27 +80,27 @@ def test_wrong_wishes_are_told_what_was_expected(table, wanted, said):
 
 @pytest.mark.parametrize("text", ["10s", "10", " 10 S", "10000ms"])
 def test_budgets_are_read(text):
-    assert recommend.parse_budget(text) == pytest.approx(10.0)
-    assert recommend.parse_budget("2min") == 120.0
-    assert recommend.parse_budget("1h") == 3600.0
+    assert asking.parse_budget(text) == pytest.approx(10.0)
+    assert asking.parse_budget("2min") == 120.0
+    assert asking.parse_budget("1h") == 3600.0
 
 
 @pytest.mark.parametrize("text", ["", "s", "ten", "-1s", "0s", "nan", "inf", "10 parsecs"])
 def test_budgets_that_are_none_are_refused(text):
     with pytest.raises(ValueError, match=r"budget: expected a time above 0 such as 10s.*got"):
-        recommend.parse_budget(text)
+        asking.parse_budget(text)
 
 
 def test_a_lucky_run_promises_nothing():
     errors = np.array([0.08, 0.001, 0.02])
-    assert recommend.envelope(errors).tolist() == [0.08, 0.02, 0.02]
-    assert recommend.doubt(np.array([10.0, 20.0, 40.0]), errors) == 1.0
+    assert measured.envelope(errors).tolist() == [0.08, 0.02, 0.02]
+    assert measured.doubt(np.array([10.0, 20.0, 40.0]), errors) == 1.0
 
 
 def test_an_unlucky_run_raises_the_promise():
     across = np.array([10.0, 20.0, 40.0])
-    assert recommend.doubt(across, np.array([0.04, 0.02, 0.01])) == pytest.approx(1.0)
-    assert recommend.doubt(across, np.array([0.04, 0.06, 0.01])) == pytest.approx(3.0)
+    assert measured.doubt(across, np.array([0.04, 0.02, 0.01])) == pytest.approx(1.0)
+    assert measured.doubt(across, np.array([0.04, 0.06, 0.01])) == pytest.approx(3.0)
 
 
 def test_lines_of_which_little_is_known_are_not_offered():
@@ -109,12 +110,12 @@ def test_lines_of_which_little_is_known_are_not_offered():
     coarse = samples(0.1, sizes=(10, 20, 28), integrator="symplectic_euler")
     bold = samples(0.1, step=2.0)
     agent = samples(0.1, controller="lookahead")
-    lines = recommend.fit([*samples(), *blown, *short, *coarse, *bold, *agent])
+    lines = measured.fit([*samples(), *blown, *short, *coarse, *bold, *agent])
     assert [line.setting for line in lines] == [nominal(DROP).line]
 
 
 def test_promises_fall_with_resolution(table):
-    for line in recommend.fit(read(DROP.scene, table)):
+    for line in measured.fit(read(DROP.scene, table)):
         errors = [choice.promised for choice in line.choices()]
         efforts = [choice.effort for choice in line.choices()]
         assert errors == sorted(errors, reverse=True)
@@ -155,7 +156,7 @@ def test_the_program_runs_what_was_recommended(tmp_path, changes):
 
 
 def test_another_case_corrects_what_is_promised():
-    [line] = recommend.fit(samples())
+    [line] = measured.fit(samples())
     probed = []
 
     def probe(setting):
@@ -173,7 +174,7 @@ def test_another_case_corrects_what_is_promised():
 
 
 def test_the_choice_is_made_anew_until_it_is_corrected():
-    lines = recommend.fit([*samples(), *samples(1 / 3, dtype="float32")])
+    lines = measured.fit([*samples(), *samples(1 / 3, dtype="float32")])
 
     def probe(setting):
         return (0.2 if setting.dtype == "float32" else 0.02), 100.0 * 10**3
@@ -196,20 +197,110 @@ def test_a_case_without_a_reference_is_refused():
 def test_no_table_is_told_of(tmp_path, table):
     with pytest.raises(ValueError, match="table: expected a file of samples, got"):
         advise(tmp_path / "missing.csv", error=0.01)
-    path = tmp_path / "other.csv"
-    path.write_text("a,b\n1,2\n")
-    with pytest.raises(ValueError, match="no table of samples"):
-        advise(path, error=0.01)
     with pytest.raises(ValueError, match="scene: expected one of"):
         recommend.advise("lake", error=0.01)
     with pytest.raises(ValueError, match="expected a line of 3 resolutions of couette"):
         recommend.advise("couette", error=0.01, table=table)
 
 
+HEAD = "scene,across,width,step,sound,kernel,density,dtype,integrator,xsph,controller,error,effort"
+ROW = "elliptical_drop,10,3.4,1.0,1.0,wendland_c2,summation,float64,symplectic_euler,0,fixed,0.1,9"
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"\xff\xfe\x00\x01", "codec can't decode"),
+        (b"a,b\n1,2\n", "expected columns scene, across"),
+        (HEAD.replace("effort", "work").encode(), "expected columns effort, got"),
+        (b"", "expected columns"),
+        (HEAD.encode(), "expected rows below its columns, got none"),
+        (f"{HEAD}\n{ROW.replace(',10,', ',0,')}".encode(), "across: expected a number above 0"),
+        (f"{HEAD}\n{ROW.replace(',10,', ',,')}".encode(), "across: expected a number, got ''"),
+        (f"{HEAD}\n{ROW.replace(',0.1,', ',-1,')}".encode(), "error: expected a share"),
+        (f"{HEAD}\n{ROW.replace(',9', ',inf')}".encode(), "effort: expected a finite number"),
+        (f"{HEAD}\nelliptical_drop,10".encode(), "width: expected a number, got None"),
+    ],
+)
+def test_a_table_that_is_none_is_told_of_with_its_name(tmp_path, content, said):
+    path = tmp_path / "other.csv"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=rf"other\.csv is no table of samples: .*{said}"):
+        advise(path, error=0.01)
+
+
+@pytest.mark.parametrize("text", ["0.01", "1%", " 1 % ", "1e-2"])
+def test_errors_are_read(text):
+    assert asking.parse_error(text) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("text", ["", "%", "one", "-1%", "0", "nan%", "inf"])
+def test_errors_that_are_none_are_refused(text):
+    with pytest.raises(ValueError, match=r"error: expected a share above 0 such as 0\.01.*got"):
+        asking.parse_error(text)
+
+
+def test_more_than_everything_is_asked_back(table):
+    for ask in (lambda: asking.parse_error("5"), lambda: advise(table, error=5.0)):
+        with pytest.raises(ValueError, match=r"at most 1, got 5: did you mean 0\.05\?"):
+            ask()
+
+
+def scattered(*changes):
+    """Samples of the drop whose own errors hardly depend on dx, and a lucky line."""
+    own = [s._replace(error=e) for s, e in zip(samples(), (0.039, 0.035, 0.036), strict=True)]
+    lucky = [s._replace(error=0.03) for s in samples(0.5, kernel="mueller")]
+    return [*own, *lucky]
+
+
+def test_scatter_is_not_sold(tmp_path):
+    path = tmp_path / "lines.csv"
+    write(scattered(), path, "made up")
+    rich, poor = advise(path, budget=1e9), advise(path, error=0.05)
+    assert rich.choice == poor.choice
+    assert rich.choice.setting.across == 10
+    assert (rich.choice.error, rich.choice.promised) == pytest.approx((0.039, 0.039))
+    assert "more time buys nothing" in dict(telling.describe(rich))["caution"]
+    with pytest.raises(ValueError, match=r"expected at least 0\.039.*within their scatter"):
+        advise(path, error=0.034)
+
+
+def test_errors_that_fall_come_without_caution(table):
+    assert measured.scatter(samples()) == 0.0
+    assert "caution" not in dict(telling.describe(advise(table, error=0.01)))
+
+
+def test_the_program_of_a_run_that_blows_up_ends(tmp_path):
+    path = tmp_path / "lines.csv"
+    write(samples(sizes=(6, 8, 10)), path, "made up")
+    advice = recommend.advise(DROP.scene, error=0.9, table=path, speed=SPEED)
+    bad = advice.choice.setting._replace(step=40.0, sound=5.0)
+    advice = advice._replace(choice=advice.choice._replace(setting=bad))
+    with pytest.raises(SystemExit, match=r"blew up at t = "):
+        exec(telling.program(advice), {})
+
+
+def test_the_program_takes_no_step_of_a_rounding_error(tmp_path, capsys):
+    path = tmp_path / "lines.csv"
+    write(samples(sizes=(6, 8, 10)), path, "made up")
+    advice = recommend.advise(DROP.scene, error=0.9, table=path, speed=SPEED)
+    text = telling.program(advice).replace("    report = sim.advance(", "    report = advance(")
+    taken, known = [], {}
+
+    def advance(seconds):
+        taken.append(seconds)
+        return known["sim"].advance(seconds - 1e-17 if len(taken) == 1 else seconds)
+
+    known["advance"] = advance
+    exec(text, known)
+    assert min(taken) > 1e-3 * max(taken)
+    assert "error now: " in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("scene", shipped())
 def test_what_is_shipped_gives_advice(scene):
     assert scene in names()
-    lines = recommend.fit(read(scene))
+    lines = measured.fit(read(scene))
     best = min(float(line.promised[-1]) for line in lines)
     advice = recommend.advise(scene, error=1.01 * best, speed=SPEED)
     assert advice.choice.promised <= 1.01 * best
@@ -228,7 +319,7 @@ def test_nothing_is_recommended_for_what_is_erratic():
 
 @pytest.mark.parametrize("scene", shipped())
 def test_efforts_that_are_shipped_rise_with_resolution(scene):
-    for line in recommend.fit(read(scene)):
+    for line in measured.fit(read(scene)):
         # a machine that is shared is slower now and then
         assert np.all(line.effort[1:] > 0.8 * line.effort[:-1])
         assert line.effort[-1] > 2 * line.effort[0]

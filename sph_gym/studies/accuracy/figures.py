@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.studies.accuracy import gains, luck
+from sph_gym.studies.accuracy import luck
 from sph_gym.studies.accuracy.axes import figure_of, readable, save, widen
 from sph_gym.studies.accuracy.plan import COMBINED, knobs, rungs
 from sph_gym.studies.accuracy.points import Point
@@ -38,12 +38,15 @@ LUCK = (
     "Luck apart: on the front are settings that were run up to the finest resolution, and an error "
     "counts at least as much as those of finer runs of the same settings."
 )
-SCATTER = "No front: errors are within their scatter."
-CLOCK = "Times are corrected for the machine's momentary speed by a benchmark beside each run."
+SCATTER = "No front: errors are within their scatter, or partly chance."
+CLOCK = (
+    "Times are processor seconds, corrected for the machine's momentary speed by a benchmark "
+    "beside each run."
+)
 THINKING = "* What the agent itself takes to think isn't counted."
 # Cost and its label, of the two panels.
 PANELS = (
-    ("cost", "corrected processor seconds per simulated second, one thread"),
+    ("cost", "seconds per simulated second, one pinned thread"),
     ("pairs", "pair interactions per simulated second"),
 )
 
@@ -81,12 +84,13 @@ def _title(scene: Problem) -> str:
 
 def _conclusion(scene: Problem, points: Sequence[Point]) -> str:
     """What the diagram shows, in one line."""
-    gain = gains.headline(points, luck.sober(points), "cost")
-    if not math.isfinite(gain):
-        return "Errors hardly depend on resolution, so that there is no gain at equal error."
+    found = luck.headline(points, "cost")
+    if not math.isfinite(found.gain):
+        return f"{luck.chance(points) or 'errors blow up'}: no gain at equal error.".capitalize()
+    least = "at least " if found.bound else ""
     return (
-        f"At the nominal error ({100 * points[0].error:.2g} %) the best combination is "
-        f"{gain:.1f} times as fast as the scene's own settings."
+        f"At equal error the best combination is {least}{found.gain:.2g} times as fast as the "
+        "scene's own settings (median over resolutions)."
     )
 
 
@@ -127,7 +131,7 @@ def _draw_panel(axes: Any, scene: Problem, points: Sequence[Point], cost: str) -
     axes.margins(0.1)
     widen(axes)
     if start.good and scene.order is not None:
-        _slopes(axes, start, cost)
+        slopes(axes, start, cost)
     _mark_ends(axes, scene, ladder, cost)
 
 
@@ -158,11 +162,14 @@ def _draw_arms(axes: Any, points: Sequence[Point], cost: str) -> None:
 
 
 def _name_controllers(axes: Any, turned: Sequence[Point], cost: str) -> None:
-    for point in turned:
+    # along the lower edge, one above the other, where no runs are
+    for k, point in enumerate(sorted(turned, key=lambda p: value(p, cost))):
         axes.annotate(
             agent_name(point.setting.controller), (value(point, cost), 100 * point.error),
-            xytext=(18, -24), textcoords="offset points", fontsize=8, color="#5A5000", zorder=9,
-            arrowprops={"arrowstyle": "-", "color": "#5A5000", "lw": 0.6},
+            xytext=(value(point, cost), 0.03 + 0.04 * k), textcoords=("data", "axes fraction"),
+            fontsize=8, color="#5A5000", zorder=9, ha="left",
+            arrowprops={"arrowstyle": "-", "color": "#5A5000", "lw": 0.5},
+            bbox={"fc": "white", "ec": "none", "pad": 0.6, "alpha": 0.8},
         )  # fmt: skip
 
 
@@ -171,7 +178,7 @@ def agent_name(controller: str) -> str:
     return controller.replace("_", " ") + ("*" if needs_schedule(controller) else "")
 
 
-def _slopes(axes: Any, start: Point, cost: str) -> None:
+def slopes(axes: Any, start: Point, cost: str) -> None:
     """What first and second order in dx would give where the cost goes as dx^-3."""
     ends = axes.get_xlim(), axes.get_ylim()
     here, reach = value(start, cost), np.array([1e-4, 1e4])

@@ -6,11 +6,11 @@ from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-# Of d log cost / d log error along a resolution sweep. Errors that hardly fall (or not at all)
-# are traded as if they fell with the square root of dx, where the cost goes as dx^-3.
-STEEPEST, FLATTEST = -6.0, -1.0
-# A knob that changes the time by less than this factor has no elasticity.
-NOTICED = 1.2
+# A knob that changes the cost by less than this factor has no elasticity: a slope over so short a
+# way changes its sign with the noise.
+NOTICED = 1.5
+# Of errors that are equal.
+ROUNDING = 1e-9
 # Of convergence: below it, errors differ by chance rather than by resolution.
 LEAST_ORDER = 0.3
 TARGETS = (0.05, 0.02, 0.01, 0.005)
@@ -67,35 +67,59 @@ def order(dx: Sequence[float], errors: Sequence[float]) -> float:
     return fit(dx, errors).slope
 
 
-def trade(ladder: Sequence[Known], cost: str) -> float:
-    """d log cost / d log error along a sweep of resolutions, within what is credible."""
-    good = [run for run in ladder if run.good]
-    slope = 1 / fit([getattr(run, cost) for run in good], [run.error for run in good]).slope
-    if not slope < 0:
-        return STEEPEST
-    return min(max(slope, STEEPEST), FLATTEST)
-
-
 def flat(ladder: Sequence[Known], cost: str) -> bool:
     """Whether errors hardly fall along a sweep of resolutions, the cost going as dx^-3."""
     good = [run for run in ladder if run.good]
-    slope = fit([getattr(run, cost) for run in good], [run.error for run in good]).slope
-    return not -3 * slope >= LEAST_ORDER
+    return is_flat([getattr(run, cost) for run in good], [run.error for run in good])
+
+
+def is_flat(costs: Sequence[float], errors: Sequence[float]) -> bool:
+    """The same of costs and errors."""
+    return not -3 * fit(costs, errors).slope >= LEAST_ORDER
+
+
+class Worth(NamedTuple):
+    """How many times faster at equal error; bound: ">" or "<" where it is at least or at most so.
+
+    "" where it was interpolated between measured runs.
+    """
+
+    gain: float
+    bound: str = ""
 
 
 def worth(
     errors: tuple[float, float], costs: tuple[float, float], ladder: Sequence[Known], cost: str
-) -> float:
+) -> Worth:
     """How many times faster a run is than the nominal settings would be at its error.
 
     errors, costs: of the nominal settings and of the run, at one resolution; ladder: the nominal
-    ones at all, which tell what the difference of the errors would have cost. Where they don't
-    fall, errors within their scatter are equal.
+    ones at all, coarse to fine by their cost, between which it is interpolated; beyond their
+    errors there is only a bound. Where they don't fall, errors within their scatter are equal.
     """
-    ratio = errors[1] / errors[0]
+    good = sorted((run for run in ladder if run.good), key=lambda run: float(getattr(run, cost)))
+    own = [float(getattr(run, cost)) for run in good]
     if flat(ladder, cost):
-        ratio = max(errors[1] / max(run.error for run in ladder if run.good), 1.0)
-    return float(ratio ** trade(ladder, cost) * costs[0] / costs[1])
+        within = errors[1] <= max(run.error for run in good)
+        return Worth(costs[0] / costs[1]) if within else Worth(own[0] / costs[1], "<")
+    found = price([run.error for run in good], own, errors[1])
+    return Worth(found.gain / costs[1], found.bound)
+
+
+def price(errors: Sequence[float], costs: Sequence[float], error: float) -> Worth:
+    """What a sweep of resolutions costs at an error, on log scales; bound as of the cost.
+
+    errors, costs: coarse first. An error counts as much as those of finer runs.
+    """
+    worst = np.maximum.accumulate(np.asarray(errors, float)[::-1])[::-1]
+    if error >= worst[0] * (1 - ROUNDING):
+        return Worth(costs[0], "<" if error > worst[0] * (1 + ROUNDING) else "")
+    reached = np.flatnonzero(worst <= error * (1 + ROUNDING))
+    if not len(reached):
+        return Worth(costs[-1], ">")
+    k = int(reached[0])
+    share = math.log(worst[k - 1] / error) / math.log(worst[k - 1] / worst[k])
+    return Worth(costs[k - 1] * (costs[k] / costs[k - 1]) ** min(share, 1.0))
 
 
 def elasticity(runs: Sequence[Known], cost: str) -> float:
@@ -105,11 +129,3 @@ def elasticity(runs: Sequence[Known], cost: str) -> float:
     if len(good) < 2 or max(costs) < NOTICED * min(costs):
         return math.nan
     return fit(costs, [run.error for run in good]).slope
-
-
-def gain(start: Known, runs: Iterable[Known], cost: str) -> float:
-    """Cost of a run / the least of those with at most its error; NaN without one."""
-    if not start.good:
-        return math.nan
-    found = cheapest(runs, start.error, cost)
-    return math.nan if found is None else float(getattr(start, cost) / getattr(found, cost))

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from statistics import median_low
 from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from sph_gym.studies.accuracy import fronts
-from sph_gym.studies.accuracy.fronts import Known
+from sph_gym.studies.accuracy.fronts import Known, Worth
 from sph_gym.studies.accuracy.settings import Setting
 
 # Resolutions at which a value must have been tried: at one, its error may just cross zero.
@@ -41,6 +40,7 @@ class Value(NamedTuple):
     """A value of a knob, against the nominal one: factors are medians over all resolutions.
 
     gain: how many times faster at equal error; NaN at a single resolution or after a blow-up.
+    bound: ">" or "<" where the gain is only known to be at least or at most that.
     """
 
     knob: str
@@ -51,25 +51,41 @@ class Value(NamedTuple):
     gain: float
     sizes: int
     cause: str
+    bound: str = ""
 
 
 def gain(ladder: Sequence[Tried], tried: Sequence[Tried], cost: str) -> float:
-    """How many times faster one setting is than the nominal one at equal error.
+    """How many times faster one setting is than the nominal one at equal error."""
+    return bounded(ladder, tried, cost).gain
+
+
+def bounded(ladder: Sequence[Tried], tried: Sequence[Tried], cost: str) -> Worth:
+    """The same, with what is only a bound marked.
 
     ladder: the nominal runs at all resolutions; tried: those of the setting. An error counts as
     much as those of finer runs of its kind, as far as both have them, and of all resolutions the
-    (lower) median counts. NaN unless it went well at two of them.
+    (lower) median counts: of those whose errors the nominal runs reach, if there are two, else of
+    all. NaN unless it went well at two of them.
     """
     if not all(run.good for run in tried):
-        return math.nan
+        return Worth(math.nan)
     theirs = {run.setting.across: run for run in tried}
     known = {run.setting.across: run for run in ladder if run.good and run.setting.across in theirs}
     found = []
     for across, start in known.items():
         errors = _error(known, across), _error({n: theirs[n] for n in known}, across)
         costs = getattr(start, cost), getattr(theirs[across], cost)
-        found.append(fronts.worth(errors, costs, ladder, cost))
-    return median_low(found) if len(found) >= FEWEST else math.nan
+        found.append(fronts.worth(errors, costs, _comparable(ladder, known), cost))
+    inside = [worth for worth in found if not worth.bound]
+    counted = inside if len(inside) >= FEWEST else found
+    return sorted(counted)[(len(counted) - 1) // 2] if len(found) >= FEWEST else Worth(math.nan)
+
+
+def _comparable(ladder: Sequence[Tried], known: Mapping[int, Tried]) -> list[Tried]:
+    """The nominal runs, without finer ones that are worse than all that both have."""
+    finest = max(known)
+    most = known[finest].error
+    return [r for r in ladder if r.good and (r.setting.across <= finest or r.error <= most)]
 
 
 def _error(runs: Mapping[int, Tried], across: int) -> float:
@@ -96,7 +112,8 @@ def _value(knob: str, value: str, ladder: Sequence[Run], runs: Sequence[Run], co
     pairs = [(known[r.setting.across], r) for r in runs if r.good and r.setting.across in known]
     error, time, work = (_factor(pairs, name) for name in ("error", cost, "interactions"))
     cause = next((str(getattr(r, "cause", "")) for r in runs if not r.good), "")
-    return Value(knob, value, error, time, work, gain(ladder, runs, cost), len(pairs), cause)
+    found = bounded(ladder, runs, cost)
+    return Value(knob, value, error, time, work, found.gain, len(pairs), cause, found.bound)
 
 
 def _factor(pairs: Sequence[tuple[Run, Run]], name: str) -> float:
@@ -113,7 +130,8 @@ def best(points: Sequence[Run], knob: str, cost: str) -> Value | None:
     bold = {str(p.setting.step) for p in points if p.setting.step > LONGEST}
     known = [value for value in values(points, knob, cost) if math.isfinite(value.gain)]
     allowed = [value for value in known if knob != "step" or value.value not in bold]
-    for value in sorted(allowed, key=lambda value: value.gain, reverse=True):
+    # what is only known to be at most so comes last
+    for value in sorted(allowed, key=lambda value: (value.bound != "<", value.gain), reverse=True):
         found = _value(knob, value.value, _ladder(points), _alike(points, knob, value), cost)
         if math.isfinite(found.gain):
             return found
@@ -140,15 +158,3 @@ def elasticity(points: Sequence[Run], knob: str, cost: str) -> float:
         found.append(fronts.elasticity([start, *turned], cost))
     found = [slope for slope in found if math.isfinite(slope)]
     return float(np.median(found)) if found else math.nan
-
-
-def headline(points: Sequence[Run], lines: Sequence[Run], cost: str) -> float:
-    """Cost of the nominal run / that of the cheapest with its error; NaN where chance decides.
-
-    lines: the runs that count, with errors without luck.
-    """
-    ladder = _ladder(points)
-    start = next((run for run in lines if run.setting == ladder[0].setting), None)
-    if start is None or fronts.flat(ladder, cost):
-        return math.nan
-    return fronts.gain(start, lines, cost)

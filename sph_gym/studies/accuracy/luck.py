@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sph_gym.studies.accuracy import fronts
-from sph_gym.studies.accuracy.plan import rungs
+from sph_gym.studies.accuracy import fronts, gains
+from sph_gym.studies.accuracy.plan import knobs, rungs
 from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.problems import problem
 from sph_gym.studies.accuracy.samples import whole
 from sph_gym.studies.accuracy.settings import Setting
 
@@ -41,7 +42,34 @@ def front(points: Sequence[Point], cost: str) -> list[Point]:
 
     None where the scene's own errors differ by chance: the least of them would win.
     """
-    return [] if fronts.flat(rungs(points), "cost") else fronts.front(sober(points), cost)
+    return [] if chance(points) else fronts.front(sober(points), cost)
+
+
+def chance(points: Sequence[Point]) -> str:
+    """What chance has to do with a scene's errors; nothing where they fall steadily with dx."""
+    scene = problem(points[0].scene)
+    if fronts.flat(rungs(points), "cost"):
+        return "errors within scatter"
+    return "errors partly chance" if scene.erratic or scene.order is None else ""
+
+
+def headline(points: Sequence[Point], cost: str) -> fronts.Worth:
+    """How many times faster the best setting is at equal error; NaN where chance decides.
+
+    Of all lines and of single knobs, by the same measure; what is at most so doesn't count.
+    """
+    if chance(points):
+        return fronts.Worth(math.nan)
+    ladder = rungs(points)
+    lines: dict[Setting, list[Point]] = {}
+    for found in sober(points):
+        lines.setdefault(found.setting.line, []).append(found)
+    every = [gains.bounded(ladder, runs, cost) for runs in lines.values()]
+    for knob in (name for name in knobs(points) if name != "resolution"):
+        best = gains.best(points, knob, cost)
+        every += [fronts.Worth(best.gain, best.bound)] if best is not None else []
+    known = [worth for worth in every if math.isfinite(worth.gain) and worth.bound != "<"]
+    return max(known, default=fronts.Worth(math.nan))
 
 
 def at_usual_speed(points: Sequence[Point]) -> list[Point]:

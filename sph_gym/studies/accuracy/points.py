@@ -4,20 +4,17 @@ Error and work are the same whenever a point is run again, to the last bit, and 
 with all that they depend on; times lie in another, so that they can be taken anew.
 """
 
-import hashlib
 import json
 import math
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-import sph_gym
-from sph_gym.solver.jit import source_hash
-from sph_gym.studies import machine
-from sph_gym.studies.accuracy import policies
+from sph_gym.studies import store
+from sph_gym.studies.accuracy import policies, shelf
 from sph_gym.studies.accuracy.benchmark import rate
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.running import Outcome, execute
@@ -88,53 +85,6 @@ class Point(NamedTuple):
 # --- On disk --------------------------------------------------------------------------------
 
 
-@cache
-def sources(agents: bool = False) -> str:
-    """Hash of all of ours that an error depends on; agents: of one who learned or looks ahead."""
-    root = Path(sph_gym.__file__).parent
-    parts = ("solver", "scenes", "controllers", *(("env",) if agents else ()))
-    paths = [path for part in parts for path in sorted((root / part).rglob("*.*"))]
-    here = Path(__file__).parent
-    paths += [here / f"{name}.py" for name in ("running", "settings", "policies")]
-    digest = hashlib.sha256(f"{source_hash()} {np.__version__}".encode())
-    for path in paths:
-        if path.suffix in (".py", ".csv"):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def manifest(problem: Problem, setting: Setting, other: bool) -> dict[str, Any]:
-    """All that the error of a point depends on."""
-    agents = policies.needs_schedule(setting.controller)
-    network = policies.network(setting.controller, problem.scene)
-    learned = setting.controller in policies.LEARNED and network.is_file()
-    return {
-        "scene": problem.scene,
-        "arguments": problem.given(other),
-        "length": problem.length,
-        "measure": problem.measure,
-        "joined": problem.joined,
-        "setting": setting._asdict(),
-        "sources": sources(agents),
-        "network": hashlib.sha256(network.read_bytes()).hexdigest()[:16] if learned else "",
-        "versions": machine.describe(),
-    }
-
-
-def key_of(facts: dict[str, Any]) -> str:
-    """Of a manifest: what its files are called; who runs it where doesn't count."""
-    counted = {name: value for name, value in facts.items() if name != "versions"}
-    return hashlib.sha256(json.dumps(counted, sort_keys=True).encode()).hexdigest()[:20]
-
-
-def save(path: Path, content: dict[str, Any]) -> None:
-    """Write JSON, so that an interruption leaves the old file or the new one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_suffix(".tmp")
-    draft.write_text(json.dumps(content, indent=1))
-    draft.replace(path)
-
-
 def point(
     problem: Problem,
     knob: str,
@@ -148,23 +98,23 @@ def point(
 
     An interruption loses at most the run in hand.
     """
-    facts = manifest(problem, setting, other)
-    key = key_of(facts)
-    record, times = folder / "points" / f"{key}.json", folder / "times" / f"{key}.json"
+    facts = shelf.manifest(problem, setting, other)
+    key = shelf.key_of(facts)
     played = _schedule(problem, setting, other, folder, key)
+    _, found = shelf.record(folder, key)
+    path, timed = shelf.times(folder, key)
     taken: dict[str, Any] = {"wall": [], "own": [], "rate": [], "differing": 0}
-    _run = partial(_run_once, problem, setting, other, played, record, taken, facts)
-    if not record.exists():
-        _run()
-    elif times.exists() and not again:
+    if found is not None and timed is not None and not again:
         # in place, since further runs are entered there
-        taken.update(json.loads(times.read_text()))
-    found = json.loads(record.read_text())
+        taken.update(timed)
+    _run = partial(_run_once, problem, setting, other, played, folder, taken, facts)
+    if found is None:
+        found = _run()
     while not _enough(found, taken, repeats):
         _run()
-        save(times, taken)
-    if not times.exists():
-        save(times, taken)
+        store.write(path, taken)
+    if taken != timed:
+        store.write(path, taken)
     return _point(problem, knob, setting, found, taken, key, other)
 
 
@@ -181,26 +131,36 @@ def _run_once(
     setting: Setting,
     other: bool,
     played: policies.Schedule | None,
-    record: Path,
+    folder: Path,
     taken: dict[str, Any],
     facts: dict[str, Any],
-) -> None:
-    """Run, and enter the time; the first run writes the record, later ones must agree with it."""
+) -> dict[str, Any]:
+    """Run, and enter the time; the first run writes the record, later ones must agree with it.
+
+    Returns the record.
+    """
     if played is not None and not played:
         outcome, rates = LOST._asdict(), [math.nan]
     else:
         before = rate()
         outcome = execute(problem, setting, other, played)._asdict()
         rates = [before, rate()]
-    times = {name: outcome.pop(name) for name in ("wall", "own")}
-    if record.exists():
-        kept = json.loads(record.read_text())["outcome"]["error"]
-        taken["differing"] += json.dumps(kept) != json.dumps(outcome["error"])
-    else:
-        save(record, {"hash": record.stem, **facts, "outcome": outcome})
+    times = {name: outcome.pop(name) for name in shelf.CLOCKS}
+    key = shelf.key_of(facts)
+    path, kept = shelf.record(folder, key)
+    if kept is None:
+        kept = {"hash": key, **facts, "outcome": outcome}
+        store.write(path, kept)
+    taken["differing"] += not same(kept["outcome"]["error"], outcome["error"])
     for name, value in times.items():
         taken[name].append(value)
     taken["rate"].append(float(np.mean(rates)))
+    return dict(kept)
+
+
+def same(one: float, other: float) -> bool:
+    """Whether two errors are the same to the last bit, or both of a blow-up."""
+    return json.dumps(one) == json.dumps(other)
 
 
 def _schedule(
@@ -212,14 +172,15 @@ def _schedule(
     """
     if not policies.needs_schedule(setting.controller):
         return None
-    path = folder / "schedules" / f"{key}.json"
-    if not path.exists():
+    path, kept = shelf.schedule(folder, key)
+    if kept is None:
         scene = replace(nominal_scene(problem, setting, other), controls=None)
         try:
-            save(path, {"controls": policies.schedule(setting.controller, scene)})
+            kept = {"controls": policies.schedule(setting.controller, scene)}
         except RuntimeError as error:
-            save(path, {"controls": [], "cause": str(error)})
-    controls: policies.Schedule = json.loads(path.read_text())["controls"]
+            kept = {"controls": [], "cause": str(error)}
+        store.write(path, kept)
+    controls: policies.Schedule = kept["controls"]
     return controls
 
 

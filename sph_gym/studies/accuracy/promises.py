@@ -7,10 +7,11 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+from sph_gym.studies.accuracy import lines as measured
 from sph_gym.studies.accuracy import recommend
+from sph_gym.studies.accuracy.lines import Choice, Line
 from sph_gym.studies.accuracy.points import Point, point
 from sph_gym.studies.accuracy.problems import Problem
-from sph_gym.studies.accuracy.recommend import Choice, Line
 from sph_gym.studies.accuracy.samples import Sample
 from sph_gym.studies.accuracy.settings import Setting
 from sph_gym.studies.table import Row
@@ -41,7 +42,7 @@ def rows(
     Without a line, a row that fails. In the other case, what is tried is what anybody would be
     told who asks for it. again: take the times anew.
     """
-    lines = recommend.fit(samples(points))
+    lines = measured.fit(samples(points))
     if not lines:
         print(f"{scene.scene}: no line without a blow-up", file=sys.stderr)
         yield Row("measured / promised error", f"{scene.scene}, no line", math.inf, "", FACTOR)

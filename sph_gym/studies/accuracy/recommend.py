@@ -3,116 +3,31 @@
 A line is one choice of all knobs at several resolutions. Between two of them error and time are
 interpolated on logarithmic scales. What is promised is the largest error at this and all finer
 resolutions, times what the line would have been wrong by about any of its own points had that
-one been missing: a lucky run promises nothing.
+one been missing: a lucky run promises nothing. Where a scene's errors don't fall with dx, no line
+promises less than the largest of the scene's own errors, so that nobody pays for their scatter.
 """
 
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sph_gym import scenes
 from sph_gym.solver.checks import known, positive
+from sph_gym.studies.accuracy.asking import share_of_one
 from sph_gym.studies.accuracy.benchmark import CAREFUL, rate
-from sph_gym.studies.accuracy.gains import LONGEST
-from sph_gym.studies.accuracy.policies import RULES
+from sph_gym.studies.accuracy.lines import Choice, Line, fit, scatter
 from sph_gym.studies.accuracy.problems import Problem, problem
 from sph_gym.studies.accuracy.running import execute
-from sph_gym.studies.accuracy.samples import FEWEST, Sample, read, whole
-from sph_gym.studies.accuracy.settings import FIXED, Setting
+from sph_gym.studies.accuracy.samples import FEWEST, read
+from sph_gym.studies.accuracy.settings import Setting
 
-Array = NDArray[np.float64]
 # Of an error that is asked for.
 ROUNDING = 1e-9
 # Runs of which a probe takes the median time.
 PROBES = 3
-UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
-
-
-class Line(NamedTuple):
-    """One choice of the knobs at several resolutions.
-
-    across, error, promised, effort: (n,) particles across, coarse first, the largest error that
-    was measured there or at finer ones, what is promised, and the effort.
-    """
-
-    setting: Setting
-    across: Array
-    error: Array
-    promised: Array
-    effort: Array
-
-    def at(self, across: int) -> "Choice":
-        """Between the measured resolutions, on logarithmic scales."""
-        x, known_at = math.log(across), np.log(self.across)
-        error, promised, effort = (
-            math.exp(float(np.interp(x, known_at, np.log(y))))
-            for y in (self.error, self.promised, self.effort)
-        )
-        return Choice(self.setting._replace(across=across), error, promised, effort)
-
-    def choices(self) -> "list[Choice]":
-        """At every whole number of particles across."""
-        return [self.at(n) for n in range(int(self.across[0]), int(self.across[-1]) + 1)]
-
-
-class Choice(NamedTuple):
-    """A setting, the error to expect, the one that is promised (at most), and the effort."""
-
-    setting: Setting
-    error: float
-    promised: float
-    effort: float
-
-
-# --- Lines ----------------------------------------------------------------------------------
-
-
-def fit(samples: Iterable[Sample]) -> list[Line]:
-    """The lines of one scene that may be offered: known up to its finest resolution.
-
-    None on which a run blew up, that needs an agent, or whose steps are near the limit.
-    """
-    grouped: dict[Setting, list[Sample]] = {}
-    for sample in samples:
-        grouped.setdefault(sample.setting.line, []).append(sample)
-    finest = max((s.setting.across for group in grouped.values() for s in group), default=0)
-    return [_line(group) for group in grouped.values() if _offered(group, finest)]
-
-
-def _offered(group: Sequence[Sample], finest: int) -> bool:
-    setting = group[0].setting
-    safe = setting.controller in (FIXED, *RULES) and setting.step <= LONGEST
-    known_up = whole([sample.setting for sample in group], finest)
-    return safe and known_up and all(sample.error > 0 for sample in group)
-
-
-def _line(group: Sequence[Sample]) -> Line:
-    group = sorted(group, key=lambda sample: sample.setting.across)
-    across = np.array([sample.setting.across for sample in group], float)
-    errors = np.array([sample.error for sample in group])
-    effort = np.array([sample.effort for sample in group])
-    worst = envelope(errors)
-    return Line(group[0].setting.line, across, worst, doubt(across, errors) * worst, effort)
-
-
-def envelope(errors: Array) -> Array:
-    """(n,) the largest error here and at all finer resolutions; coarse first."""
-    return np.maximum.accumulate(errors[::-1])[::-1]
-
-
-def doubt(across: Array, errors: Array) -> float:
-    """The worst ratio of an inner error to what the others promise at its place; at least 1."""
-    worst, x = 1.0, np.log(across)
-    for k in range(1, len(errors) - 1):
-        others = np.arange(len(errors)) != k
-        expected = np.interp(x[k], x[others], np.log(envelope(errors[others])))
-        worst = max(worst, float(errors[k] / math.exp(expected)))
-    return worst
 
 
 # --- Choosing -------------------------------------------------------------------------------
@@ -183,11 +98,16 @@ def _probe(case: Problem) -> Probe:
 
 
 class Advice(NamedTuple):
-    """What `recommend` answers; seconds: expected processor time of the run, on one thread."""
+    """What `recommend` answers.
+
+    seconds: expected processor time of the run, on one thread; caution: what chance has to do with
+    it, nothing where errors fall steadily with dx.
+    """
 
     problem: Problem
     choice: Choice
     seconds: float
+    caution: str = ""
 
 
 def advise(
@@ -216,7 +136,10 @@ def advise(
     for name, value in wanted.items():
         if value is not None:
             positive(name, value)
-    lines = fit(read(scene, table))
+    if error is not None:
+        share_of_one(error)
+    samples = read(scene, table)
+    lines, floor = fit(samples), scatter(samples)
     if not lines:
         raise ValueError(f"table: expected a line of {FEWEST} resolutions of {scene}, got none")
     speed = rate(CAREFUL) if speed is None else speed
@@ -232,8 +155,18 @@ def advise(
         choice, lines = settle(lines, choose, _probe(found))
     if choice is None:
         asked = ("error", error, 1.0) if error is not None else ("budget", budget, speed)
-        raise _too_small(scene, lines, *asked)
-    return Advice(found, choice, choice.effort / speed)
+        raise _too_small(scene, lines, *asked, floor)
+    return Advice(found, choice, choice.effort / speed, _caution(found, floor))
+
+
+def _caution(found: Problem, floor: float) -> str:
+    """What chance has to do with the errors of a scene."""
+    if floor:
+        return (
+            f"errors are within their scatter, up to {100 * floor:.3g} % at any resolution: "
+            "more time buys nothing"
+        )
+    return "" if found.order is not None else f"chance has its part in the error: {found.note}"
 
 
 def _checked(scene: str, arguments: dict[str, Any]) -> dict[str, Any]:
@@ -253,26 +186,21 @@ def _checked(scene: str, arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def _too_small(
-    scene: str, lines: Sequence[Line], name: str, value: float | None, speed: float
+    scene: str,
+    lines: Sequence[Line],
+    name: str,
+    value: float | None,
+    speed: float,
+    floor: float,
 ) -> ValueError:
     if not lines:
         return ValueError(f"{scene}: expected a case that holds out, but all settings blow up")
     ends = [choice for line in lines for choice in (line.at(int(line.across[k])) for k in (0, -1))]
     known_values = [c.promised if name == "error" else c.effort / speed for c in ends]
     unit = "" if name == "error" else " s"
+    chance = " (errors below are within their scatter)" if floor and name == "error" else ""
     return ValueError(
         f"{name}: expected at least {min(known_values):.3g}{unit}, since for {scene} "
-        f"{min(known_values):.3g} to {max(known_values):.3g}{unit} was measured, got {value:g}"
+        f"{min(known_values):.3g} to {max(known_values):.3g}{unit} was measured{chance}, "
+        f"got {value:g}"
     )
-
-
-def parse_budget(text: str) -> float:
-    """Seconds of a text such as 10s, 500ms, 2min, 1h or 10. Raises ValueError for others."""
-    number = text.strip().lower()
-    unit = next((u for u in ("ms", "min", "h", "s") if number.endswith(u)), "")
-    try:
-        return positive("budget", float(number.removesuffix(unit)) * UNITS.get(unit, 1.0))
-    except ValueError:
-        raise ValueError(
-            f"budget: expected a time above 0 such as 10s, 500ms or 2min, got {text!r}"
-        ) from None

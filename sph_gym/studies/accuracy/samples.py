@@ -1,11 +1,13 @@
 """The table that recommendations are made of: runs on lines, with their errors and efforts."""
 
 import csv
+import math
 from collections.abc import Iterable, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from sph_gym.solver.checks import positive
 from sph_gym.studies.accuracy.settings import Setting
 
 COLUMNS = ("scene", *Setting._fields, "error", "effort")
@@ -41,12 +43,24 @@ def read(scene: str, path: Path | None = None) -> list[Sample]:
         raise ValueError(f"scene: expected one of {', '.join(shipped())}, got {scene!r}")
     if path is not None and not path.is_file():
         raise ValueError(f"table: expected a file of samples, got {str(path)!r}")
-    text = place.read_text() if path is None else path.read_text()
-    rows = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
+    source = place if path is None else path
     try:
+        rows = _rows(source.read_text())
         return [_sample(row) for row in rows if row["scene"] == scene]
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"table: {path or place} is no table of samples: {error!r}") from None
+    except ValueError as error:
+        raise ValueError(f"table: {source} is no table of samples: {error}") from None
+
+
+def _rows(text: str) -> list[dict[str, str]]:
+    """Rows of a table, each with all columns. Raises ValueError that tells what is wrong."""
+    table = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
+    missing = [name for name in COLUMNS if name not in (table.fieldnames or ())]
+    if missing:
+        raise ValueError(f"expected columns {', '.join(missing)}, got {table.fieldnames}")
+    rows = list(table)
+    if not rows:
+        raise ValueError("expected rows below its columns, got none")
+    return rows
 
 
 def shipped() -> list[str]:
@@ -56,9 +70,22 @@ def shipped() -> list[str]:
 
 
 def _sample(row: dict[str, str]) -> Sample:
-    kinds = Setting.__annotations__
-    values = {name: kinds[name](row[name]) for name in Setting._fields}
-    return Sample(row["scene"], Setting(**values), float(row["error"]), float(row["effort"]))
+    kinds = {**Setting.__annotations__, "error": float, "effort": float}
+    values: dict[str, Any] = {}
+    for name, kind in kinds.items():
+        try:
+            values[name] = kind(row[name])
+        except (TypeError, ValueError):
+            what = "a word" if kind is str else "a number"
+            raise ValueError(f"{name}: expected {what}, got {row[name]!r}") from None
+    # nan: it blew up
+    timed = () if math.isnan(values["error"]) else ("effort",)
+    for name in ("across", "width", "step", "sound", *timed):
+        positive(name, values[name])
+    if values["error"] < 0 or math.isinf(values["error"]):
+        raise ValueError(f"error: expected a share of at least 0, got {values['error']}")
+    error, effort = values.pop("error"), values.pop("effort")
+    return Sample(row["scene"], Setting(**values), error, effort)
 
 
 def write(samples: Iterable[Sample], path: Path, comment: str) -> None:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym.solver.checks import known
+from sph_gym.studies import store
 from sph_gym.studies.accuracy import fronts, gains, peer, promises, tables
 from sph_gym.studies.accuracy.luck import at_usual_speed, sober
 from sph_gym.studies.accuracy.plan import (
@@ -63,7 +64,8 @@ def measure(
 
     chosen: only these scenes; again: take all times anew (errors stay); peers: the folder of the
     script for PySPH and the Python that runs it. Finished runs are kept in `folder`/accuracy.
-    Raises ImportError that names the extra to install, ValueError for unknown scenes.
+    Raises ImportError that names the extra to install, ValueError for unknown scenes, and OSError,
+    before anything is run, for folders that can't be written to.
     """
     plan = QUICK if quick else FULL
     for name in chosen or ():
@@ -72,6 +74,8 @@ def measure(
         peer.check(peers)
     shop = Shop(folder / "accuracy", plan.repeats, again)
     output = folder / ("accuracy_quick" if quick else "accuracy")
+    for place in (shop.folder, output):
+        store.probe(place)
     every: list[Point] = []
     wanted = list(chosen or plan.scenes)
     for k, name in enumerate(wanted, 1):

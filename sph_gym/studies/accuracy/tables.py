@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym.studies import machine
-from sph_gym.studies.accuracy import figures, fronts, luck, recommend, summary
+from sph_gym.studies.accuracy import figures, fronts, lines, luck, summary
 from sph_gym.studies.accuracy import gains as buying
 from sph_gym.studies.accuracy.plan import NUMBERS, knobs, rungs
-from sph_gym.studies.accuracy.points import Point, sources
+from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.accuracy.problems import Problem
 from sph_gym.studies.accuracy.promises import samples
 from sph_gym.studies.accuracy.samples import Sample, write
+from sph_gym.studies.accuracy.shelf import sources
 
 TIME = "cost"
 
@@ -41,8 +42,8 @@ def write_all(points: Sequence[Point], folder: Path) -> None:
 def _on_lines(points: Sequence[Point]) -> list[Sample]:
     """Only what a recommendation can be made of."""
     every = samples(points)
-    lines = {line.setting for line in recommend.fit(every)}
-    return [sample for sample in every if sample.setting.line in lines]
+    offered = {line.setting for line in lines.fit(every)}
+    return [sample for sample in every if sample.setting.line in offered]
 
 
 def _both(listed: list[dict[str, Any]], stem: Path) -> None:
@@ -113,10 +114,10 @@ def cheapest(points: Sequence[Point]) -> list[dict[str, Any]]:
     rows = []
     for scene in dict.fromkeys(found.scene for found in points):
         own = {found.key: found for found in points if found.scene == scene}
-        lines = luck.sober(list(own.values()))
+        counted = luck.sober(list(own.values()))
         for target in fronts.TARGETS:
             row: dict[str, Any] = {"target": target, "reached": False, "scene": scene}
-            found = fronts.cheapest(lines, target, TIME)
+            found = fronts.cheapest(counted, target, TIME)
             if found is not None:
                 row |= {"reached": True, "error_without_luck": found.error}
                 row |= record(own[found.key])

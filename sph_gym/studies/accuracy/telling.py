@@ -12,7 +12,7 @@ def describe(advice: Advice) -> list[tuple[str, str]]:
     assert built.controls is not None
     fixed = setting.controller == FIXED
     said = {True: "", False: f" at the start, then by {setting.controller}"}[fixed]
-    return [
+    told = [
         ("dx", f"{built.dx:.6g} m ({scene.length} / {setting.across})"),
         ("h / dx", f"{setting.width:g}"),
         ("dt", f"{built.controls.dt:.4g} s{said} ({setting.step:g} of the stable step)"),
@@ -27,6 +27,7 @@ def describe(advice: Advice) -> list[tuple[str, str]]:
         ("expected time", f"{advice.seconds:.3g} s of processor time after compilation, 1 thread"),
         ("simulated", f"{built.duration:.4g} s of flow"),
     ]
+    return told + ([("caution", advice.caution)] if advice.caution else [])
 
 
 def program(advice: Advice) -> str:
@@ -59,11 +60,18 @@ sim = Simulation(scene, dtype="{setting.dtype}", threads=1)
 
 
 def _loop(setting: Setting) -> str:
-    """The lines that let it run."""
-    lines = ["while sim.time < scene.duration:"]
+    """The lines that let it run, to the end or until it blows up, and print its state's error."""
+    lines = [
+        # the last step would else be as long as a rounding error
+        "while sim.time < scene.duration * (1 - 1e-9):",
+        "    report = sim.advance(min(scene.frame, scene.duration - sim.time))",
+        "    if report.diverged:",
+        '        raise SystemExit(f"blew up at t = {sim.time:g} s: {report.cause}, {report.link}")',
+        "reference = scenes.reference(scene.name)",
+        'print(f"t = {sim.time:g} s, error now: {reference.error(sim):.3g} {reference.unit}")',
+    ]
     if setting.controller != FIXED:
         rule = RULES[setting.controller].__name__
+        lines.insert(1, "    sim.controls = rule(sim)")
         lines = [f"from sph_gym.controllers import {rule}", f"rule = {rule}()", *lines]
-        lines.append("    sim.controls = rule(sim)")
-    lines.append("    sim.advance(min(scene.frame, scene.duration - sim.time))")
     return "\n".join(lines)

@@ -75,6 +75,8 @@ def test_a_picture_shows_every_epsilon(tmp_path, played):
 
 def test_work_is_measured_and_its_scale_is_that_of_the_map(tmp_path, played):
     found = maps.survey("relaxation", GRID, tmp_path)
+    assert np.isnan(figures._work(found, 0)).all()
+    found = found._replace(own=found.own._replace(cause=""))
     usual = Simulation(found.scene).controls.dt
     work = figures._work(found, 0)
     assert work[1, 0] == pytest.approx(usual / found.dt(1))

@@ -54,9 +54,11 @@ def draw(name: str, found: Map, path: Path) -> Path:
     for axes in frames[:, 0]:
         axes.set_ylabel("time step dt [s]")
     figure.colorbar(density, ax=frames[1], label="mean density error [%]", extend="both")
-    figure.colorbar(
-        work, ax=frames[2], label="pairs evaluated / those of the scene as it comes [-]"
+    ticks = [tick for tick in _TICKS if scale[0] <= tick <= scale[1]]
+    bar = figure.colorbar(
+        work, ax=frames[2], label="work: pairs / the scene's own [-]", ticks=ticks, format="%g"
     )
+    bar.minorticks_off()
     figure.suptitle(
         f"{name.replace('_', ' ')}: runs with constant controls; stiffness = rho0 c² / gamma",
         fontsize=11,
@@ -69,6 +71,8 @@ def draw(name: str, found: Map, path: Path) -> Path:
 
 # Colour scale: from, to, map.
 _DENSITY = (0.01, 10.0, "viridis")
+# Of the work.
+_TICKS = [digit * 10.0**k for k in range(-3, 4) for digit in (1, 2, 5)]
 
 
 def _edges(centres: Any) -> Any:

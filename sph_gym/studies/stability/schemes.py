@@ -59,5 +59,5 @@ def _scheme(
     name: str, build: Callable[[float], Scene], integrator: str, continuity: bool
 ) -> tuple[str, Callable[[float], Scene]]:
     density = "by continuity" if continuity else "summed"
-    change = {"integrator": integrator, "continuity": continuity}
-    return f"{name}, {integrator}, {density}", partial(schemed, build=build, **change)
+    built = partial(schemed, build=build, integrator=integrator, continuity=continuity)
+    return f"{name}, {integrator}, {density}", built

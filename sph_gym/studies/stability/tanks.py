@@ -155,8 +155,6 @@ def long_tank(dx: float, length: float) -> Scene:
 def flows() -> Iterator[Case]:
     """What is hard about the flow."""
     flow = partial(Case, dx=DX, density=0.01)
-    # the half of it that is neither at the surface nor splashing keeps 0.96 of rho0 and more
-    fall = partial(flow, typical=TOGETHER)
     yield flow("random places in a tank", scattered, unmatched=0.13)
     # its energy, shared by n particles, compresses them by M / sqrt(n): 2.9 / 11
     yield flow("stray particle at 100 m/s", stray, gain=0.26, typical=0.4)
@@ -166,17 +164,17 @@ def flows() -> Iterator[Case]:
         "drop impact at Mach 0.5", fast_drop, density=0.05, gain=0.25, p99=0.125, typical=0.7
     )  # fmt: skip
     # until its front has run against the other wall
-    yield fall("column 10:1", column, frames=200)
-    yield fall("dam break on an obstacle", flooded, quick=50, behind=within_block)
+    yield flow("column 10:1", column, frames=200, typical=TOGETHER)
+    yield flow("dam break on an obstacle", flooded, quick=50, behind=within_block)
     # a row alone has but 0.7 of rho0
     yield flow("film of one particle", film, density=NONE, p99=NONE, least=0.8)
     yield flow("water at rest for 60 s", at_rest, frames=1200, quick=8, least=0.9)
     # ten periods
-    yield fall("shaken at resonance", shaken, frames=1120)
+    yield flow("shaken at resonance", shaken, frames=1120)
     lengths = tuple(np.linspace(0.5, 5.0, 50).tolist())
     # water slumps into the gap at its wall, and keeps 0.88
     yield flow("tanks of 0.5 to 5 m", long_tank, frames=60, quick=2, least=0.8, sizes=lengths)
-    yield fall("high viscosity", partial(dam, laminar_viscosity=5.0), least=0.9)
+    yield flow("high viscosity", partial(dam, laminar_viscosity=5.0), least=0.9)
     # long enough for the shock to run up to its top and back: v / c = 0.1 of compression behind
     # it, over no more than half of the column; what runs out at its foot relieves the rest
     yield flow("100,000 particles", slammed, dx=0.00178, quick=1, gain=0.05, typical=0.8)

@@ -1,11 +1,13 @@
 """Stability maps: limits are found where they are, runs are kept, pictures show them."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from sph_gym.studies.stability import figures, maps
+from sph_gym import Simulation
+from sph_gym.studies.stability import checks, figures, maps
 from sph_gym.studies.stability.maps import Grid, Point
 
 GRID = Grid((0.5, 1.0, 2.0, 4.0, 8.0), (0.5, 1.0), (0.0, 0.3))
@@ -19,7 +21,7 @@ def played(monkeypatch):
     def play(scene, dt, sound, xsph, share):
         calls.append((dt, sound, xsph))
         bad = dt * sound * scene.fluid.c0 > 0.9 * scene.h or (xsph > 0 and sound == 1.0)
-        return Point("cfl" if bad else "", math.nan if bad else 0.002, 10, 5.0)
+        return Point("cfl" if bad else "", math.nan if bad else 0.002, 10, 5.0, 20 / dt)
 
     monkeypatch.setattr(maps, "run", play)
     return calls
@@ -71,10 +73,56 @@ def test_a_picture_shows_every_epsilon(tmp_path, played):
     assert path.stat().st_size > 20_000
 
 
+def test_work_is_measured_and_its_scale_is_that_of_the_map(tmp_path, played):
+    found = maps.survey("relaxation", GRID, tmp_path)
+    assert np.isnan(figures._work(found, 0)).all()
+    found = found._replace(own=found.own._replace(cause=""))
+    usual = Simulation(found.scene).controls.dt
+    work = figures._work(found, 0)
+    assert work[1, 0] == pytest.approx(usual / found.dt(1))
+    assert np.isnan(work[-1, -1])
+    low, high, _ = figures._range(found)
+    assert (low, high) == (min(0.5, np.nanmin(work)), max(2.0, np.nanmax(work)))
+
+
+def test_a_run_counts_its_pairs_and_tells_what_the_solver_did_not(monkeypatch):
+    scene = maps.nominal("relaxation")
+    fine = maps.run(scene, 0.5 * maps.unit(scene), 1.0, 0.3, 0.02)
+    coarse = maps.run(scene, maps.unit(scene), 1.0, 0.3, 0.02)
+    assert fine.substeps == pytest.approx(2 * coarse.substeps, rel=0.1)
+    assert 6 < fine.pairs / fine.substeps < 40
+    monkeypatch.setattr(maps, "EXCESS", -math.inf)
+    assert maps.run(scene, maps.unit(scene), 1.0, 0.3, 0.02).cause == maps.UNTOLD
+
+
+def legend(found, monkeypatch):
+    from matplotlib.figure import Figure
+
+    kept = []
+    monkeypatch.setattr(Figure, "legend", lambda self, handles, **rest: kept.extend(handles))
+    figures._legend(Figure(), found)
+    return [handle.get_label() for handle in kept]
+
+
+def test_a_legend_lists_what_is_there(tmp_path, played, monkeypatch):
+    found = maps.survey("relaxation", GRID, tmp_path)
+    texts = legend(found, monkeypatch)
+    assert "C: blow-up, cfl" in texts
+    assert not any("stiffness" in text or "beyond" in text for text in texts)
+    assert "viscous limit of the article" in texts
+    effects = dataclasses.replace(found.scene.effects, laminar_viscosity=None)
+    points = {at: point._replace(cause="") for at, point in found.points.items()}
+    calm = found._replace(scene=dataclasses.replace(found.scene, effects=effects), points=points)
+    texts = legend(calm, monkeypatch)
+    assert not any("viscous" in text or "blew" in text for text in texts)
+
+
 def test_outcomes_have_their_own_colours():
     assert figures._outcome("", 0.001) == 0
     assert figures._outcome("", 0.1) == 1
-    several = {figures._outcome(cause, math.nan) for cause in ("cfl", "stiffness", "nan")}
-    assert several == {2, 3, 4}
+    causes = (*checks.CAUSES, maps.UNTOLD)
+    assert {figures._outcome(cause, math.nan) for cause in causes} == set(range(2, 9))
+    assert len(set(figures.COLOURS)) == len(figures.labels()) == 9
+    assert len({letter for _, letter in figures.CAUSES.values()}) == 7
     edges = figures._edges([1.0, 2.0, 4.0])
     assert edges == pytest.approx(np.sqrt([0.5, 2.0, 8.0, 32.0]))

@@ -14,7 +14,17 @@ from typing import Any
 
 from sph_gym.env import SCENES
 from sph_gym.studies import store
-from sph_gym.studies.stability import bodies, figures, maps, memory, report, streams, tanks, walls
+from sph_gym.studies.stability import (
+    bodies,
+    figures,
+    maps,
+    memory,
+    report,
+    schemes,
+    streams,
+    tanks,
+    walls,
+)
 from sph_gym.studies.stability.case import VARIANTS, Case
 from sph_gym.studies.stability.runs import Outcome, run
 from sph_gym.studies.table import Row
@@ -23,7 +33,7 @@ FOLDER = Path("runs/studies")
 # What the run of a case depends on, of this package.
 OWN = tuple(
     Path(__file__).with_name(f"{name}.py")
-    for name in ("case", "bodies", "tanks", "streams", "checks", "runs")
+    for name in ("case", "bodies", "tanks", "streams", "schemes", "checks", "runs")
 )
 # Variants of the quick version, and the one scene that it maps.
 QUICK_VARIANTS, QUICK_SCENES = VARIANTS[:3], ("relaxation",)
@@ -31,7 +41,7 @@ QUICK_VARIANTS, QUICK_SCENES = VARIANTS[:3], ("relaxation",)
 
 def cases() -> list[Case]:
     """The catalogue."""
-    return [*bodies.cases(), *tanks.cases(), *streams.cases()]
+    return [*bodies.cases(), *tanks.cases(), *streams.cases(), *schemes.cases()]
 
 
 def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:

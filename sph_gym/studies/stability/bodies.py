@@ -1,7 +1,6 @@
 """Hard cases without walls: bodies in empty space, from starts that nobody should make."""
 
 import dataclasses
-import math
 from collections.abc import Iterator
 from functools import partial
 from typing import Any
@@ -19,6 +18,11 @@ SIDE, CELL = 12, 20
 DX = 0.02
 # Of all particles, closer than 0.6 dx to another one: what the environments allow.
 PAIRED = 0.15
+# What begins squeezed has parted after a frame, in which sound crosses h three times: of
+# compressions from 0.1 % to 340 % no more than 1.2 % is left.
+PARTED = 0.02
+# Compression where nobody ever has a neighbour too many, or is drawn apart: none but rounding.
+NONE = 1e-12
 # Substeps at the acoustic limit that make a frame.
 FRAME = 8
 
@@ -152,24 +156,28 @@ def cases() -> Iterator[Case]:
     body = partial(Case, dx=DX, conserves=True)
     # squeezed together at the start: a step of first order, and XSPH, err by some per cent of the
     # energy of the explosion
-    burst = partial(body, excess=0.15)
+    burst = partial(body, burst=PARTED, excess=0.15)
+    loose = partial(body, density=NONE, p99=NONE)
     yield burst("two coincident particles", partial(coincident, n=2))
     yield burst("three coincident particles", partial(coincident, n=3))
-    yield body("a coincident row", coincident_row)
-    yield body("one particle", one)
-    yield body("two particles", two)
-    yield body("no neighbours at all", lonely)
-    yield body("random places", random_places, unmatched=0.45)
-    yield body("overlapping bodies", overlapping)
+    # pushed off one after the other: 1.6 % after the first frame
+    yield body("a coincident row", coincident_row, burst=0.03)
+    yield loose("one particle", one)
+    yield loose("two particles", two)
+    yield loose("no neighbours at all", lonely)
+    yield body("random places", random_places, burst=PARTED, unmatched=0.45)
+    yield body("overlapping bodies", overlapping, burst=PARTED)
     yield burst("clumped start", clumped)
     yield burst("density jump of 10", density_jump, quick=3, unmatched=0.28)
-    # its rows begin half a spacing apart, and under tension particles clump
-    yield body("stretched sheet", stretched, gain=math.inf, p99=None)
+    # its rows begin half a spacing apart, and under tension particles clump: the mean gains 2.8 %
+    # and the densest hundredth 10 %, while nobody parts
+    yield body("stretched sheet", stretched, gain=0.05, p99=0.15, least=0.9)
     yield body(
         "rotating square, under tension", partial(rotating, clamp=False), dx=0.05,
         kernel="cubic_spline", least=0.9,
     )  # fmt: skip
-    yield body(
+    # nothing holds it together
+    yield loose(
         "rotating square, clamped", partial(rotating, clamp=True), dx=0.05, kernel="cubic_spline"
     )
     endless = partial(body, quick=60, least=0.8, clumping=PAIRED)

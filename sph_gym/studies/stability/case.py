@@ -103,9 +103,11 @@ class Case(NamedTuple):
     before each; stable: whether the step is at most the stable one, so that a blow-up is a
     failure; pushed: the multiple of the stable step that some step must reach; density: the
     largest mean compression of the second half; gain: the largest of the whole run beyond that
-    of the start, by default the same, inf where the case says why; p99: the largest 99th
+    of the start, by default the same; burst: the largest from the end of the first frame on, for
+    what begins squeezed and has parted before the second half, else None; p99: the largest 99th
     percentile of the second half, None where the case says why; least: of the smallest density of
-    the start, what must be left of it where the fluid stays together, else 0; clumping: the
+    the start, what must be left of it where the fluid stays together, else 0; typical: the least
+    median density [rho0] where most of the fluid stays together, else 0; clumping: the
     largest share of particles closer than 0.6 dx in the second half, None if it isn't asked;
     pairs: whether kernels that are no pair are excused from it;
     excess: the most energy from nowhere, as a share of what is at stake; unmatched: the same of
@@ -124,8 +126,10 @@ class Case(NamedTuple):
     pushed: float = 0.0
     density: float = 0.02
     gain: float | None = None
+    burst: float | None = None
     p99: float | None = DENSE
     least: float = 0.0
+    typical: float = 0.0
     clumping: float | None = None
     pairs: bool = False
     excess: float = 0.02

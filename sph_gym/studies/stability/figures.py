@@ -5,17 +5,23 @@ from typing import Any
 
 import numpy as np
 
+from sph_gym.solver.diagnostics import Ledger
 from sph_gym.solver.simulation import Simulation
-from sph_gym.studies.stability.maps import TOLERANCE, Map
+from sph_gym.studies.stability.maps import EXCESS, TOLERANCE, UNTOLD, Map
 
-# Of M. Okabe and K. Ito, for colour-blind eyes; letters say the same where there is no colour.
-OUTCOMES = {
-    "density error within 1 %": "#56B4E9",
-    "density error beyond 1 %": "#F0E442",
-    "blow-up: cfl": "#D55E00",
-    "blow-up: stiffness": "#CC79A7",
-    "blow-up: any other cause": "#000000",
+# Of M. Okabe and K. Ito, for colour-blind eyes.
+CALM = {"density error within 1 %": "#56B4E9", "density error beyond 1 %": "#F0E442"}
+# Causes of blow-ups: colour, and the letter that says the same where there is no colour.
+CAUSES = {
+    "cfl": ("#D55E00", "C"),
+    "stiffness": ("#CC79A7", "S"),
+    "clumping": ("#009E73", "P"),
+    "tunnelling": ("#0072B2", "T"),
+    "energy": ("#000000", "E"),
+    "nan": ("#707070", "N"),
+    UNTOLD: ("#FFFFFF", "x"),
 }
+COLOURS = [*CALM.values(), *(colour for colour, _ in CAUSES.values())]
 LINES: dict[str, tuple[Any, str]] = {
     "CFL": ("-", "white"),
     "force": ("--", "white"),
@@ -36,10 +42,11 @@ def draw(name: str, found: Map, path: Path) -> Path:
     n = len(found.grid.xsph)
     figure = Figure(figsize=(3.6 * n + 2.6, 10.5), layout="constrained")
     frames = figure.subplots(3, n, squeeze=False, sharex=True, sharey=True)
+    scale = _range(found)
     for i, xsph in enumerate(found.grid.xsph):
         _outcomes(frames[0, i], found, i)
         density = _numbers(frames[1, i], found, 100 * _values(found, i, "density"), _DENSITY)
-        work = _numbers(frames[2, i], found, _work(found, i), _WORK)
+        work = _numbers(frames[2, i], found, _work(found, i), scale)
         for axes in frames[:, i]:
             _limits(axes, found, i)
         frames[0, i].set_title(f"epsilon = {xsph:g}", fontsize=10)
@@ -47,20 +54,25 @@ def draw(name: str, found: Map, path: Path) -> Path:
     for axes in frames[:, 0]:
         axes.set_ylabel("time step dt [s]")
     figure.colorbar(density, ax=frames[1], label="mean density error [%]", extend="both")
-    figure.colorbar(work, ax=frames[2], label="work / that of the article's rule at c0 [-]")
+    ticks = [tick for tick in _TICKS if scale[0] <= tick <= scale[1]]
+    bar = figure.colorbar(
+        work, ax=frames[2], label="work: pairs / the scene's own [-]", ticks=ticks, format="%g"
+    )
+    bar.minorticks_off()
     figure.suptitle(
         f"{name.replace('_', ' ')}: runs with constant controls; stiffness = rho0 c² / gamma",
         fontsize=11,
     )
-    _legend(figure, frames)
+    _legend(figure, found)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=130)
     return path
 
 
-# Colour scales: from, to, map.
+# Colour scale: from, to, map.
 _DENSITY = (0.01, 10.0, "viridis")
-_WORK = (1 / 64, 16.0, "plasma")
+# Of the work.
+_TICKS = [digit * 10.0**k for k in range(-3, 4) for digit in (1, 2, 5)]
 
 
 def _edges(centres: Any) -> Any:
@@ -88,18 +100,24 @@ def _values(found: Map, i: int, field: str) -> Any:
 
 
 def _work(found: Map, i: int) -> Any:
-    """Substeps in multiples of the article's at c0; nan where the run blew up."""
-    causes = _values(found, i, "cause")
-    share = np.repeat(1 / np.array(found.grid.dt)[:, None], causes.shape[1], axis=1)
-    return np.where(causes == "", share, np.nan)
+    """Pairs of particles in all substeps, in multiples of the scene's own; nan: it blew up."""
+    causes, pairs = _values(found, i, "cause"), _values(found, i, "pairs")
+    own = np.nan if found.own.cause else found.own.pairs
+    return np.where(causes == "", pairs / own, np.nan)
+
+
+def _range(found: Map) -> tuple[float, float, str]:
+    """The colour scale of the work: what there is of it, at least from half to twice."""
+    work = np.array([_work(found, i) for i in range(len(found.grid.xsph))])
+    seen = work[np.isfinite(work)]
+    return min([0.5, *seen]), max([2.0, *seen]), "plasma"
 
 
 def _outcome(cause: str, density: float) -> int:
-    names = list(OUTCOMES)
+    """Number of its colour; ValueError for a cause that has none."""
     if not cause:
         return int(density > TOLERANCE)
-    label = f"blow-up: {cause}"
-    return names.index(label) if label in names else len(names) - 1
+    return len(CALM) + list(CAUSES).index(cause)
 
 
 def _outcomes(axes: Any, found: Map, i: int) -> None:
@@ -108,9 +126,16 @@ def _outcomes(axes: Any, found: Map, i: int) -> None:
     causes, density = _values(found, i, "cause"), _values(found, i, "density")
     index = np.vectorize(_outcome, otypes=[int])(causes, density)
     axes.pcolormesh(
-        *_mesh(found), index, cmap=ListedColormap(list(OUTCOMES.values())), vmin=-0.5,
-        vmax=len(OUTCOMES) - 0.5, edgecolors="white", linewidth=0.3,
+        *_mesh(found), index, cmap=ListedColormap(COLOURS), vmin=-0.5, vmax=len(COLOURS) - 0.5,
+        edgecolors="white", linewidth=0.3,
     )  # fmt: skip
+    for k, j in np.argwhere(causes != ""):
+        colour, letter = CAUSES[causes[k, j]]
+        # black on white, else white, at the left of the cell since limits run through its middle
+        axes.text(
+            found.grid.sound[j] * 0.87, found.dt(k), letter, fontsize=7, ha="center", va="center",
+            color=EDGE if colour == "#FFFFFF" else "white", clip_on=True,
+        )  # fmt: skip
 
 
 def _numbers(axes: Any, found: Map, values: Any, scale: tuple[float, float, str]) -> Any:
@@ -151,28 +176,52 @@ def _limits(axes: Any, found: Map, i: int) -> None:
     axes.tick_params(axis="x", which="minor", labelbottom=False)
 
 
-def _legend(figure: Any, frames: Any) -> None:
+def _legend(figure: Any, found: Map) -> None:
+    """Of what there is in this map."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
     from matplotlib.patheffects import Normal, Stroke
 
-    patches = [Patch(facecolor=colour, label=name) for name, colour in OUTCOMES.items()]
-    patches.append(
-        Patch(facecolor="white", hatch="////", edgecolor="#BBBBBB", label="no value: blew up")
-    )
     outline = [Stroke(linewidth=3.2, foreground=EDGE), Normal()]
+    rules = [found.rule(j) for j in range(len(found.grid.sound))]
     lines = [
         Line2D(
             [], [], color=colour, linestyle=style, linewidth=1.6, path_effects=outline,
             label=f"{name} limit of the article",
         )
         for name, (style, colour) in LINES.items()
+        if all(np.isfinite(rule[name]) for rule in rules)
     ]  # fmt: skip
     marks = [
         Line2D([], [], marker=mark, color="none", markeredgecolor=EDGE, markersize=size, label=text)
         for mark, size, text in (("o", 5, "measured limit"), ("*", 12, "the scene as it comes"))
     ]
     figure.legend(
-        handles=[*patches, *lines, *marks], loc="outside lower center", ncols=4, fontsize=8,
-        frameon=False,
+        handles=[*_patches(found), *lines, *marks], loc="outside lower center", ncols=3,
+        fontsize=8, frameon=False,
     )  # fmt: skip
+
+
+def _patches(found: Map) -> list[Any]:
+    """Outcomes in this map and, if any run blew up, what stands for no value."""
+    from matplotlib.patches import Patch
+
+    seen = {_outcome(point.cause, point.density) for point in found.points.values()}
+    patches = [
+        Patch(facecolor=COLOURS[k], edgecolor=EDGE, linewidth=0.4, label=label)
+        for k, label in enumerate(labels())
+        if k in seen
+    ]
+    if max(seen) >= len(CALM):
+        hatched: dict[str, Any] = {"hatch": "////", "edgecolor": "#BBBBBB"}
+        patches.append(Patch(facecolor="white", label="no value: blew up", **hatched))
+    return patches
+
+
+def labels() -> list[str]:
+    """What the colours of outcomes mean, in their order."""
+    told = [f"{letter}: blow-up, {cause}" for cause, (_, letter) in CAUSES.items()][:-1]
+    untold = (
+        f"{CAUSES[UNTOLD][1]}: more than {EXCESS:g} of the energy at stake from nowhere,\n"
+        f"    not reported by the solver, which does from {Ledger.TOLERANCE:g} on"
+    )
+    return [*CALM, *told, untold]

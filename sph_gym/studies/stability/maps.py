@@ -20,8 +20,9 @@ from sph_gym.studies.table import Row
 
 # A run is judged by its mean compression, as the environments do.
 TOLERANCE = 0.01
-# Energy from nowhere, as a share of what is at stake, beyond which a run counts as blown up.
-EXCESS = 0.5
+# Energy from nowhere, as a share of what is at stake, beyond which a run counts as blown up, and
+# what is then given as its cause: the solver itself reports it from `Ledger.TOLERANCE` on.
+EXCESS, UNTOLD = 0.5, "excess"
 # How finely the limit of a column is found: this often the ratio of two steps is halved.
 HALVINGS = 3
 
@@ -45,22 +46,24 @@ QUICK = Grid((0.5, 2.0, 8.0), (0.2, 1.0), (0.3,), 0.1)
 class Point(NamedTuple):
     """What became of a run with constant controls.
 
-    cause: of its blow-up, or "" if there was none; density: mean over time of the mean
-    compression; substeps: all of them, as many as there would have been without a blow-up;
-    acceleration: the largest [m/s^2].
+    cause: of its blow-up, `UNTOLD` if the solver did not report it, or "" if there was none;
+    density: mean over time of the mean compression; substeps: taken until the end or the blow-up;
+    acceleration: the largest [m/s^2]; pairs: in all substeps taken, the mean over the particles
+    of the neighbours that each had to do with.
     """
 
     cause: str
     density: float
     substeps: int
     acceleration: float
+    pairs: float
 
 
 class Map(NamedTuple):
     """The runs of a scene by index of epsilon, sound speed and dt, and what they lead to.
 
     limits: (n_xsph, n_sound) largest stable steps [s]; nan where none is. acceleration: (n_sound,)
-    largest [m/s^2] of the finest stable run of each sound speed.
+    largest [m/s^2] of the finest stable run of each sound speed. own: the scene as it comes.
     """
 
     scene: Scene
@@ -68,6 +71,7 @@ class Map(NamedTuple):
     points: dict[tuple[int, int, int], Point]
     limits: Any
     acceleration: Any
+    own: Point
 
     def dt(self, k: int) -> float:
         """Step [s] number k."""
@@ -100,18 +104,21 @@ def run(scene: Scene, dt: float, sound: float, xsph: float, share: float) -> Poi
     sim.controls = Controls(dt, scene.fluid.stiffness(sound * scene.fluid.c0), xsph)
     # a frame, but never less than a step, which would be cut
     seconds = max(round(scene.frame / dt), 1) * dt
-    end, looks, fastest = share * scene.duration, [0.0], 0.0
+    end, looks = share * scene.duration, [0.0]
+    substeps, pairs, fastest = 0, 0.0, 0.0
     while sim.time < end - 1e-9:
         report = sim.advance(seconds)
-        if report.diverged:
-            return Point(report.cause, math.nan, math.ceil(end / dt), fastest)
         numbers = sim.diagnostics()
-        if not numbers["energy_excess"] <= EXCESS:
-            # nothing to build upon, though the tripwire has room for more
-            return Point("energy", math.nan, math.ceil(end / dt), fastest)
+        substeps += report.n_substeps
+        pairs += report.n_substeps * numbers["mean_neighbors"]
+        # nothing to build upon, though the tripwire has room for more
+        untold = "" if numbers["energy_excess"] <= EXCESS else UNTOLD
+        if report.diverged or untold:
+            cause = report.cause if report.diverged else untold
+            return Point(cause, math.nan, substeps, fastest, pairs)
         looks.append(numbers["density_error"])
         fastest = max(fastest, numbers["max_acceleration"])
-    return Point("", float(np.mean(looks)), math.ceil(end / dt), fastest)
+    return Point("", float(np.mean(looks)), substeps, fastest, pairs)
 
 
 def survey(name: str, grid: Grid, folder: Path, look: Callable[[], Any] = lambda: None) -> Map:
@@ -131,7 +138,10 @@ def survey(name: str, grid: Grid, folder: Path, look: Callable[[], Any] = lambda
         for (i, j), (column, limit) in zip(columns, found, strict=True):
             points |= {(i, j, k): point for k, point in enumerate(column)}
             limits[i, j] = limit * unit(scene)
-    return Map(scene, grid, points, limits, _accelerations(grid, points))
+    usual = Simulation(scene, threads=1)
+    sound = usual.sound_speed / scene.fluid.c0
+    own = play(usual.controls.dt / unit(scene), sound, usual.controls.xsph)
+    return Map(scene, grid, points, limits, _accelerations(grid, points), own)
 
 
 Play = Callable[[float, float, float], Point]
@@ -177,7 +187,8 @@ def _accelerations(grid: Grid, points: dict[tuple[int, int, int], Point]) -> Any
 def n_runs(grid: Grid) -> int:
     """At most so many runs a scene."""
     columns = len(grid.xsph) * len(grid.sound)
-    return columns * (len(grid.dt) + HALVINGS) + 1
+    # before them one that compiles, after them the scene as it comes
+    return columns * (len(grid.dt) + HALVINGS) + 2
 
 
 def rows(name: str, found: Map) -> Iterator[Row]:

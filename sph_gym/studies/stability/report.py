@@ -11,9 +11,9 @@ from sph_gym.studies.stability.runs import Outcome
 from sph_gym.studies.table import Row
 
 # Of the mass times the largest speed; what summing up in the two precisions leaves.
-ROUND_OFF = {"float64": 1e-13, "float32": 1e-6}
+ROUND_OFF = {"float64": 1e-14, "float32": 1e-6}
 # Of the largest magnitude, and for the observables of runs.
-SAME, ALIKE = 1e-12, 1e-6
+SAME, ALIKE = 1e-12, 1e-8
 
 # Of a lonely particle's density, which no other can be below; what float32 leaves of it.
 LONELY = 1 - 1e-5
@@ -54,7 +54,9 @@ def _exact(case: Case, found: Sequence[Found]) -> Iterator[Row]:
 
 def _densities(case: Case, found: Sequence[Found]) -> Iterator[Row]:
     gain = case.density if case.gain is None else case.gain
-    yield _worst(case, found, "gain", gain if gain < math.inf else None)
+    yield _worst(case, found, "gain", gain)
+    if case.burst is not None:
+        yield _worst(case, found, "burst", case.burst)
     yield _worst(case, found, "density", case.density)
     yield _worst(case, found, "p99", case.p99)
     if case.clumping is not None:
@@ -62,6 +64,8 @@ def _densities(case: Case, found: Sequence[Found]) -> Iterator[Row]:
     yield _worst(case, found, "lowest", LONELY, at_least=True)
     if case.least > 0:
         yield _worst(case, found, "left", case.least, at_least=True)
+    if case.typical > 0:
+        yield _worst(case, found, "typical", case.typical, at_least=True)
 
 
 TITLES = {
@@ -72,11 +76,13 @@ TITLES = {
     "grid": ("grid against brute force, rho, p, a", "of the largest"),
     "observables": ("runs on grid and brute force", "dx, energy"),
     "gain": ("mean compression beyond the start's", "rho0"),
+    "burst": ("mean compression after the first frame", "rho0"),
     "density": ("mean compression, second half", "rho0"),
     "p99": ("99th percentile of compression, second half", "rho0"),
     "clumping": ("closer than 0.6 dx, second half", "of the particles"),
     "lowest": ("least density", "a lonely particle's"),
     "left": ("least density of fluid that stays together", "the start's least"),
+    "typical": ("least median density", "rho0"),
     "excess": ("energy from nowhere", "of what is at stake"),
     "drift": ("momentum from nowhere", "of the largest"),
 }

@@ -442,4 +442,4 @@ def test_mixed_draws_from_all_scenes():
         drawn.add(made.settings.draw(made.np_random, None)[0].split("/")[0])
     assert drawn == set(SCENES)
     _, info = made.reset(options={"instance": "relaxation/val/1"})
-    assert info["instance_id"] == "relaxation/val/1/dx=0.06"
+    assert info["instance_id"] == "relaxation/val/1"

@@ -65,7 +65,7 @@ def corner_jet(dx: float, held: bool) -> Scene:
 
 
 def strays(dx: float) -> Scene:
-    """Single particles at 100 m/s, in all directions, within four plates."""
+    """Single particles at 100 m/s, in all directions, within four plates, above boundary particles."""
     angles = np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
     x = np.stack([0.1 * np.cos(angles), 0.4 + 0.1 * np.sin(angles)], axis=-1)
     v = 100 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -75,7 +75,7 @@ def strays(dx: float) -> Scene:
         (HALF, 0.8, -HALF, 0.8),
         (-HALF, 0.8, -HALF, 0.0),
     ]
-    return stream(x, v, dx, Walls(plates=room, restitution=1.0))
+    return stream(x, v, dx, Walls(floor(dx) - (0.0, 1.0), plates=room, restitution=1.0))
 
 
 def below(x: Any, dx: float) -> Any:

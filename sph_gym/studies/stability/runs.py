@@ -21,18 +21,17 @@ class Outcome(NamedTuple):
     """What became of a run; the worst of all sizes, and of all frames.
 
     substeps; step: the largest, in stable ones; blowups: reported ones; cause: of the first;
-    silent: frames in which something went
-    wrong without a report, or with one that doesn't say what; passed: most particles on the wrong
-    side of a wall; excess: energy from nowhere, as a share of what is at stake; drift: of the
-    momentum, as a share of mass times largest speed; gain: largest mean compression beyond that
-    of the start; burst: the largest from the end of the first frame on; density: the largest of
-    the second half; p99: its 99th percentile; clumping:
-    largest share of particles closer than 0.6 dx in the second half; lowest: smallest density, in
-    multiples of a lonely particle's; left: smallest density, as a share of the smallest of the
-    start; typical: smallest median density [rho0]; fastest: [m/s]; threads: fields that differ
-    between one thread and two; grid: largest difference of the evaluation by grid and by brute
-    force; observables: difference of runs by grid and by brute force; -inf where they weren't
-    compared; seconds: wall clock.
+    silent: frames in which something went wrong without a report, or with one that doesn't say
+    what; passed: most particles on the wrong side of a wall; excess: energy from nowhere, as a
+    share of what is at stake; drift: of the momentum, as a share of mass times largest speed;
+    gain: largest mean compression beyond that of the start; burst: the largest from the end of
+    the first frame on; density: the largest of the second half; p99: its 99th percentile;
+    clumping: largest share of particles closer than 0.6 dx in the second half; lowest: smallest
+    density, in multiples of a lonely particle's; left: smallest density, as a share of the
+    smallest of the start; typical: smallest median density [rho0]; fastest: [m/s]; threads: fields
+    that differ between one thread and two; grid: largest difference of the evaluation by grid and
+    by brute force; observables: difference of runs by grid and by brute force; -inf where they
+    weren't compared; seconds: wall clock.
     """
 
     substeps: int = 0

@@ -9,7 +9,7 @@ from sph_gym.env.rewards import TERMS
 minari = pytest.importorskip("minari")
 
 ID, ARGUMENTS = "sph_gym/DropImpact-v0", {"dx": 0.08}
-INSTANCES = ["drop_impact/train/5", "drop_impact/train/2"]
+INSTANCES = ["drop_impact/train/5/dx=0.08", "drop_impact/train/2/dx=0.08"]
 NAME = "sph_gym/drop_impact/random-v0"
 
 
@@ -31,7 +31,7 @@ def test_episodes_come_back_and_can_be_played_again():
     described = list(read.storage.get_episode_metadata([0, 1]))
     for episode, about, instance in zip(read, described, INSTANCES, strict=True):
         assert about["options"]["instance"] == instance
-        assert about["instance_id"] == f"{instance}/dx=0.08"
+        assert about["instance_id"] == instance
         assert about["rewards_sum"] == pytest.approx(episode.rewards.sum())
         assert {name.decode() for name in episode.infos["instance_id"]} == {about["instance_id"]}
         assert episode.terminations[-1] or episode.truncations[-1]

@@ -61,7 +61,7 @@ def test_single_environments_are_reached():
     ours.set_attr("label", "x", indices=[0, 2])
     assert [hasattr(env, "label") for env in ours.envs.envs] == [True, False, True]
     assert ours.env_is_wrapped(Monitor) == [True] * 3
-    ours.set_options({"instance": "drop_impact/val/2"})
+    ours.set_options({"instance": "drop_impact/val/2/dx=0.08"})
     ours.reset()
     assert ours.get_attr("instance_id") == ["drop_impact/val/2/dx=0.08"] * 3
 

@@ -65,7 +65,7 @@ def corner_jet(dx: float, held: bool) -> Scene:
 
 
 def strays(dx: float) -> Scene:
-    """Single particles at 100 m/s, in all directions, within four plates, above boundary particles."""
+    """Single particles at 100 m/s, in all directions, within plates and far above other walls."""
     angles = np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
     x = np.stack([0.1 * np.cos(angles), 0.4 + 0.1 * np.sin(angles)], axis=-1)
     v = 100 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)

@@ -14,7 +14,7 @@ from matplotlib.transforms import Affine2D
 
 from agents.evaluate import MEASURES, readable
 from agents.looks import look
-from sph_gym.env.rewards import WINDOW, WORST, Tolerances
+from sph_gym.env.rewards import MILDEST, MOST_WORK, WINDOW, WORST, Tolerances
 
 
 class Plot(NamedTuple):
@@ -97,7 +97,9 @@ def write_report(folder: Path, context: Mapping[str, Any]) -> Path:
         animation=_data_uri(folder / found[0], ANIMATIONS[found[0]]) if found else "",
         tolerances=Tolerances(),
         window=WINDOW,
-        worst=WORST,
+        least=f"{1 - MOST_WORK / 2:g}",
+        mildest=f"{MILDEST:g}",
+        worst=f"{WORST:g}",
     )
     path = folder / "report.html"
     path.write_text(html, encoding="utf-8")

@@ -1,10 +1,12 @@
 """Reward: as little work as possible, as long as the flow stays what it is.
 
 Every error is measured in multiples of its tolerance, and e is the largest of them. Within
-tolerance (e <= 1) only work counts, 1 for an eighth of the tuned CFL rule's work, 0.5 for as
-much, 0 for eight times as much; beyond it nothing is paid and a penalty from 0.5 to 1.5 is booked
-to the term that sets e. A blow-up costs the largest penalty for every step that is left, so that
-no early death can pay.
+tolerance (e <= 1) only work counts: 1 for none, 0.5 for as much as the tuned CFL rule spends in the
+mean, -1 for four times as much and more. The scale is linear, so that a faithful episode earns what
+its total work says, and moving work from one step to another earns nothing; a logarithm would pay
+for uneven work. Beyond tolerance a penalty from 1 to 2 is booked to the term that sets e: never
+less than the dearest faithful step costs, so that infidelity is no way to save. A blow-up costs the
+largest penalty for every step that is left, so that no early death can pay.
 """
 
 import math
@@ -25,10 +27,13 @@ MEANINGS = {
     "blowup": "the solver blew up, for every step that is left",
 }
 TERMS = tuple(MEANINGS)
-WORST = 1.5
+# Penalties of a step.
+MILDEST, WORST = 1.0, 2.0
+# From so many times the tuned rule's mean work on, a faithful step pays as little as the mildest
+# unfaithful one.
+MOST_WORK = 4.0
 # Largest weight: times the penalty of any episode, it stays within float32.
 HEAVIEST = 1e6
-WORK_RANGE = math.log(64)
 
 
 class Tolerances(NamedTuple):
@@ -147,10 +152,10 @@ def terms(errors: Errors, work: float) -> dict[str, float]:
     result = dict.fromkeys(TERMS, 0.0)
     worst = max(errors)
     if worst <= 1.0:
-        result["work"] = min(max(0.5 - math.log(work) / WORK_RANGE, 0.0), 1.0)
+        result["work"] = 1.0 - min(work, MOST_WORK) / 2
     else:
         culprit = TERMS[errors.index(worst)]
-        result[culprit] = -min(0.5 + math.log10(worst), WORST)
+        result[culprit] = -min(MILDEST + math.log10(worst), WORST)
     return result
 
 

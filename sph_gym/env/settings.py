@@ -102,7 +102,8 @@ class Settings:
         """Bounds of the terms of a step, whose blow-up is charged for every step that is left."""
         low = np.full(len(rewards.TERMS), -rewards.WORST)
         high = np.zeros(len(rewards.TERMS))
-        low[rewards.TERMS.index("work")], high[rewards.TERMS.index("work")] = 0.0, 1.0
+        work = rewards.TERMS.index("work")
+        low[work], high[work] = 1.0 - rewards.MOST_WORK / 2, 1.0
         low[rewards.TERMS.index("blowup")] = -np.inf
         weights = np.array([self.rules.weights[term] for term in rewards.TERMS])
         ends = np.stack([low * weights, high * weights])

@@ -21,6 +21,8 @@ from sph_gym.studies import store
 Policy = Callable[[Any, Any], Any]
 Point = tuple[float, float, float]
 
+# Folder of kept episodes, below that of all studies, which share them.
+EPISODES = "episodes"
 # A run is within tolerance if no more than this share of its steps is beyond it: even the fine
 # references differ by more than their tolerance now and then.
 BEYOND = 0.05

@@ -133,7 +133,7 @@ def test_values_in_the_text_are_those_of_the_code():
     assert all(f"`{name}` | {value:.4g} |" in text
                for name, value in rewards.Tolerances()._asdict().items())  # fmt: skip
     paid = {tuple(row[:2]): float(row[2]) for row in rows(text) if row[0] == "0.5"}
-    assert paid["0.5", "0.125"] == 1.0
+    assert paid["0.5", "0.125"] == 1.0 - 0.125 / 2
     assert paid["0.5", "1"] == 0.5
 
 

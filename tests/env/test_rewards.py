@@ -11,6 +11,7 @@ from sph_gym.env.rewards import Errors, Judge, Tolerances
 SCENE = scenes.make("relaxation", dx=0.05)
 N = 20
 ERROR = st.floats(0, 1e12)
+CALM = Errors(0.5, 0.5, 0.5)
 
 
 def run(com=0.0, kinetic=1.0):
@@ -36,18 +37,29 @@ def test_terms_are_bounded_and_only_one_speaks(density, clumping, fidelity, work
     assert set(terms) == set(rewards.TERMS)
     assert sum(value != 0 for value in terms.values()) <= 1
     assert -rewards.WORST <= sum(terms.values()) <= 1.0
-    assert (terms["work"] > 0) <= (max(density, clumping, fidelity) <= 1)
+    assert (terms["work"] != 0) <= (max(density, clumping, fidelity) <= 1)
 
 
 def test_work_pays_by_its_ratio_to_the_rule():
-    calm = Errors(0.5, 0.5, 0.5)
-    paid = [rewards.terms(calm, work)["work"] for work in (1 / 8, 1.0, 8.0)]
-    assert paid == pytest.approx([1.0, 0.5, 0.0])
+    paid = [rewards.terms(CALM, work)["work"] for work in (0.0, 1.0, 2.0, 4.0, 1e9)]
+    assert paid == pytest.approx([1.0, 0.5, 0.0, -1.0, -1.0])
+
+
+@given(st.lists(st.floats(1e-3, rewards.MOST_WORK), min_size=1, max_size=30))
+def test_uneven_work_earns_no_more_than_even_work(spent):
+    even = len(spent) * rewards.terms(CALM, float(np.mean(spent)))["work"]
+    assert sum(rewards.terms(CALM, work)["work"] for work in spent) == pytest.approx(even)
+
+
+@given(ERROR.filter(lambda error: error > 1), st.floats(1e-3, 1e9))
+def test_no_infidelity_is_cheaper_than_any_work(error, work):
+    unfaithful = sum(rewards.terms(Errors(0.0, 0.0, error), work).values())
+    assert unfaithful <= rewards.terms(CALM, rewards.MOST_WORK)["work"]
 
 
 def test_the_penalty_is_booked_to_the_worst_error():
     terms = rewards.terms(Errors(2.0, 5.0, 3.0), 1.0)
-    assert terms["clumping"] == pytest.approx(-(0.5 + np.log10(5.0)))
+    assert terms["clumping"] == pytest.approx(-(1.0 + np.log10(5.0)))
 
 
 def test_no_early_death_pays():

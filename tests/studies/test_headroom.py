@@ -18,9 +18,15 @@ def episode(substeps=100, reward=0.5, beyond=0.0):
     return Episode(substeps, reward, 0.5, beyond, False)
 
 
-def contest(static=300, oracle=100, beyond=0.0, frozen=()):
-    return headroom.Contest(
-        episode(), episode(static), (0.0, 0.0, 0.0), episode(oracle, 0.8, beyond), frozen
+def contest(static=300, oracle=100, beyond=0.0, frozen=(), second=()):
+    best = episode(oracle, 0.8, beyond)
+    return headroom.Contest(episode(), episode(static), (0.0, 0.0, 0.0), best, frozen, second)
+
+
+def searched(*frozen, second):
+    return contest(
+        frozen=tuple(episode(reward=reward) for reward in frozen),
+        second=(episode(reward=second),),
     )
 
 
@@ -42,22 +48,35 @@ def test_headroom_is_the_ratio_of_work_within_tolerance():
     assert headroom.headroom([contest(200), contest(800), contest(beyond=1.0)]) == pytest.approx(4)
 
 
-def test_a_loss_is_what_the_oracle_earned_more():
-    frozen = tuple(episode(reward=reward) for reward in (0.7, 0.8, 0.6))
-    losses = headroom.losses([contest(frozen=frozen), contest()])
-    assert list(losses) == list(headroom.CONTROLS)
-    assert list(losses.values()) == pytest.approx([0.1, 0.0, 0.2])
+def test_a_loss_is_what_the_best_search_earned_more():
+    losses = headroom.losses([searched(0.7, 0.8, 0.6, second=0.78), contest()])
+    assert list(losses) == [*headroom.CONTROLS, headroom.LUCK]
+    assert list(losses.values()) == pytest.approx([0.1, 0.0, 0.2, 0.02])
+
+
+def test_a_control_is_needed_where_more_is_lost_than_by_luck():
+    found = [searched(0.7, 0.8, 0.6, second=second) for second in (0.78, 0.8)]
+    assert headroom.needed(found) == ["Courant multiple", "xsph"]
+    unlucky = [searched(0.7, 0.8, 0.6, second=0.65)]
+    assert headroom.needed(unlucky) == ["xsph"]
 
 
 def test_the_summary_counts_scenes_that_are_games():
-    frozen = tuple(episode(reward=reward) for reward in (0.7, 0.8, 0.7))
-    good = [contest(frozen=frozen)]
+    good = [searched(0.7, 0.8, 0.7, second=0.8)]
     found = dict.fromkeys(headroom.SCENES, good)
     rows = list(headroom.summary(headroom.FULL, found))
     assert [row.holds for row in rows] == [True, True, False, True]
     assert rows[0].value == len(headroom.SCENES) - len(headroom.instances.DIAGNOSTIC)
     poor = {scene: [contest(static=110)] for scene in headroom.SCENES}
     assert not next(headroom.summary(headroom.FULL, poor)).holds
+
+
+def test_where_nothing_can_be_compared_nothing_is_gained():
+    half = [contest(200), contest(beyond=1.0)]
+    assert headroom.headroom(half) == pytest.approx(2.0)
+    assert headroom.poorest(half) == pytest.approx(2**0.5)
+    found = dict.fromkeys(headroom.SCENES, half)
+    assert not next(headroom.summary(headroom.FULL, found)).holds
 
 
 def test_the_best_static_setting_keeps_within_tolerance():

@@ -17,7 +17,7 @@ from sph_gym.env.vector import TuningVectorEnv
 from sph_gym.solver.simulation import DEFAULT_XSPH
 
 # An error and an amount of work in every row of the table of examples.
-EXAMPLES = ((0.5, 1 / 8), (0.5, 0.5), (0.5, 1.0), (0.5, 8.0), (1.1, 1.0), (3.0, 1.0), (100.0, 1.0))
+EXAMPLES = ((0.5, 1 / 8), (0.5, 0.5), (0.5, 1.0), (0.5, 4.0), (1.1, 1.0), (3.0, 1.0), (100.0, 1.0))
 
 
 def _own(about: Subject) -> str:
@@ -58,9 +58,10 @@ def _rewards(about: Subject) -> str:
     formula = prose(f"""
         e = max(density, clumping, fidelity), each in multiples of its tolerance:
 
-        - e <= 1: work pays min(max(1/2 - ln(work) / {rewards.WORK_RANGE:.4g}, 0), 1);
-        - e > 1: the term that sets e is -min(1/2 + log10(e), {rewards.WORST}), all others are 0;
-        - blow-up: -{rewards.WORST} for every step that is left, the present one included, or for
+        - e <= 1: work pays 1 - min(work, {rewards.MOST_WORK:g}) / 2;
+        - e > 1: the term that sets e is -min({rewards.MILDEST:g} + log10(e), {rewards.WORST:g}),
+          all others are 0;
+        - blow-up: -{rewards.WORST:g} for every step that is left, the present one included, or for
           that one alone if it is taken back.
 
         The reward is the sum of the terms, each times its weight (`reward_weights`, 1 unless

@@ -1,5 +1,6 @@
 """One episode of one agent on one instance, and many of them; the ground that all agents share."""
 
+import hashlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -95,16 +96,28 @@ def run_episode(spec: Spec, scene: str, instance: str, seed: int) -> dict[str, A
 def evaluate(
     specs: Sequence[Spec], scene: str, instances: Sequence[str], path: Path, title: str = "episodes"
 ) -> pd.DataFrame:
-    """Every agent on every instance with the same seeds; finished runs in `path` are kept."""
+    """Every agent on every instance with the same seeds; finished runs in `path` are kept.
+
+    Raises OSError for a network that can't be read.
+    """
     jobs, keys = [], []
     for spec in specs:
+        about = {"agent": spec.name, "settings": _settings(spec)}
         for seed, instance in enumerate(instances):
             jobs.append((spec, scene, instance, seed))
-            settings = spec.settings or spec.network or ""
-            keys.append(
-                {"agent": spec.name, "instance": instance, "seed": seed, "settings": str(settings)}
-            )
+            keys.append(about | {"instance": instance, "seed": seed})
     return run_jobs(run_episode, jobs, keys, path, title)
+
+
+def _settings(spec: Spec) -> str:
+    """What sets an agent apart from others of its name: its settings, or what its network holds.
+
+    A network that is trained anew lies where the old one lay, so that its path tells nothing.
+    """
+    if spec.network is None:
+        return str(spec.settings or "")
+    path = Path(spec.network)
+    return f"{path.name} sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
 
 
 def interval(values: np.ndarray, confidence: float = 0.95) -> tuple[float, float, float]:

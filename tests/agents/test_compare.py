@@ -102,3 +102,24 @@ def test_intervals_hold_the_mean():
     assert low < mean < high
     assert high - low == pytest.approx(2 * 1.96 * values.std() / np.sqrt(40), rel=0.2)
     assert evaluate.interval(np.ones(5)) == (1.0, 1.0, 1.0)
+
+
+def test_a_network_that_was_trained_anew_is_another_agent(tmp_path, monkeypatch):
+    def keys(function, jobs, keys, path, title):
+        return [key["settings"] for key in keys]
+
+    monkeypatch.setattr(evaluate, "run_jobs", keys)
+    network = tmp_path / "network.npz"
+
+    def settings(content, path=network):
+        path.write_bytes(content)
+        (found,) = evaluate.evaluate(
+            [Spec("ppo", network=str(path))], "dam_break", ["dam_break/test/0"], tmp_path / "x.csv"
+        )
+        return found
+
+    first = settings(b"once")
+    assert first.startswith("network.npz sha256:")
+    assert settings(b"again") != first
+    (tmp_path / "elsewhere").mkdir()
+    assert settings(b"once", tmp_path / "elsewhere" / "network.npz") == first

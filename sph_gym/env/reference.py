@@ -6,6 +6,7 @@ solver, of the rule and of the actions, and this file.
 """
 
 import hashlib
+import itertools
 import os
 import tempfile
 import threading
@@ -25,6 +26,7 @@ from sph_gym.env import actions, manifest
 from sph_gym.solver.jit import cache_home, source_hash
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.state import Controls
 
 # The reference: nominal stiffness, and a step far below the limit of about 0.9 h/c.
 COURANT = 0.25
@@ -87,18 +89,20 @@ def reference(scene: Scene, instance_id: str | None = None) -> Reference:
     if shipped is not None:
         return shipped
     key = _key(scene)
-    if key not in _KEPT:
-        path = cache_home() / "references" / f"{key}.npz"
-        stored = _read(path)
-        if stored is None:
-            stored = _compute(scene)
-            _write(path, stored)
-        with _KEEPING:
-            while len(_KEPT) >= MOST_KEPT:
-                _KEPT.pop(next(iter(_KEPT)))
-            _KEPT[key] = stored
-        return stored
-    return _KEPT[key]
+    # asked for once: another thread may drop it meanwhile
+    kept = _KEPT.get(key)
+    if kept is not None:
+        return kept
+    path = cache_home() / "references" / f"{key}.npz"
+    stored = _read(path)
+    if stored is None:
+        stored = _compute(scene)
+        _write(path, stored)
+    with _KEEPING:
+        while len(_KEPT) >= MOST_KEPT:
+            _KEPT.pop(next(iter(_KEPT)))
+        _KEPT[key] = stored
+    return stored
 
 
 def _shipped(scene: Scene, instance_id: str) -> Reference | None:
@@ -190,20 +194,24 @@ def _drift(error: Floats) -> Floats:
 
 
 def _run(scene: Scene, sound: float) -> Observables:
-    sim = Simulation(scene)
-    xsph = sim.nominal_controls.xsph
-    sim.controls = from_numbers(sim, COURANT, sound * scene.fluid.c0, xsph)
-    rows = [_look(sim)]
-    for _ in range(n_frames(scene)):
-        report = sim.advance(scene.frame)
-        if report.diverged:
-            raise RuntimeError(
-                f"{scene.name}: the reference run blew up at t = {sim.time:g} s ({report.cause}); "
-                "the scene isn't stable at its own nominal stiffness"
-            )
-        rows.append(_look(sim))
-    table = np.array(rows)
-    return Observables(table[:, :2], table[:, 2:4], *table[:, 4:].T)
+    # a very viscous fluid takes a shorter step than sound waves ask for
+    for courant in (COURANT, COURANT / 2):
+        sim = Simulation(scene)
+        xsph = sim.nominal_controls.xsph
+        sim.controls = from_numbers(sim, courant, sound * scene.fluid.c0, xsph)
+        rows = [_look(sim)]
+        for _ in range(n_frames(scene)):
+            report = sim.advance(scene.frame)
+            if report.diverged:
+                break
+            rows.append(_look(sim))
+        else:
+            table = np.array(rows)
+            return Observables(table[:, :2], table[:, 2:4], *table[:, 4:].T)
+    raise RuntimeError(
+        f"{scene.name}: the reference run blew up at t = {sim.time:g} s ({report.cause}); "
+        "the scene isn't stable at its own nominal stiffness"
+    )
 
 
 COLUMNS = (
@@ -218,14 +226,21 @@ def _look(sim: Simulation) -> list[float]:
 
 
 def _cfl_substeps(scene: Scene) -> float:
-    """Mean substeps a frame of the tuned rule; a smaller Courant multiple if it should blow up."""
-    for courant in (TunedCfl().courant, 0.6, 0.4, 0.25):
+    """Mean substeps a frame of the tuned rule.
+
+    If it should blow up, of one with a smaller Courant multiple; and if none will do, of one that
+    is as stiff as a viscous fluid asks for.
+    """
+    for stiffer, courant in itertools.product((False, True), (TunedCfl().courant, 0.6, 0.4, 0.25)):
         rule = TunedCfl(courant=courant)
         sim = Simulation(scene)
         substeps = []
         for _ in range(n_frames(scene)):
+            wanted = rule(sim)
+            if stiffer:
+                wanted = _within_reach(scene, courant, wanted)
             # as an agent could play it: cut off at the ends of the action space
-            sim.controls = actions.decode(scene, actions.encode(scene, rule(sim)))
+            sim.controls = actions.decode(scene, actions.encode(scene, wanted))
             report = sim.advance(scene.frame)
             if report.diverged:
                 break
@@ -233,6 +248,43 @@ def _cfl_substeps(scene: Scene) -> float:
         else:
             return float(np.mean(substeps))
     raise RuntimeError(f"{scene.name}: the CFL rule blew up even at a Courant multiple of 0.25")
+
+
+def _within_reach(scene: Scene, courant: float, wanted: Controls) -> Controls:
+    """Controls of the rule, or stiffer ones if no action asks for a step as short as theirs.
+
+    Actions choose the step in multiples of h / c: where friction asks for less than the lowest of
+    them, a larger c makes it shorter.
+    """
+    h, c = scene.h, scene.fluid.sound_speed(wanted.stiffness)
+    lowest = actions.COURANT[0]
+    if wanted.dt * c / h >= lowest:
+        return wanted
+    friction = 1 / wanted.dt - c / (courant * h)
+    c = friction * h / (1 / lowest - 1 / courant)
+    return Controls(lowest * h / c, scene.fluid.stiffness(c), wanted.xsph)
+
+
+def check_viscosity(name: str, scene: Scene) -> None:
+    """ValueError if the fluid is so viscous that it takes steps below the action space.
+
+    name: of the argument to blame. Even in the stiffest fluid, the lowest multiple of h / c must
+    be a step that the tuned rule could take.
+    """
+    nu, h = scene.effects.laminar_viscosity, scene.h
+    if not nu:
+        return
+    lowest, c = actions.COURANT[0], actions.SOUND[1] * scene.fluid.c0
+    shortest = lowest * h / c
+    room = (1 / lowest - 1 / TunedCfl().courant) * c / h
+    if nu / (scene.viscous_share * h * h) > room:
+        limit = 1 / (c / (TunedCfl().courant * h) + nu / (scene.viscous_share * h * h))
+        raise ValueError(
+            f"{name}: expected a fluid that takes steps within the action space, but with "
+            f"nu = {nu:g} m^2/s and h = {h:g} m viscosity limits the step to {limit:.3g} s, and "
+            f"the shortest that an action asks for is {shortest:.3g} s; a larger dx or a smaller "
+            "viscosity makes them meet"
+        )
 
 
 def as_arrays(stored: Reference) -> dict[str, Any]:

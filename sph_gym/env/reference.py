@@ -122,9 +122,26 @@ def fingerprint(scene: Scene) -> str:
     return digest.hexdigest()[:16]
 
 
+# What references depend on besides the solver.
+_OWN_SOURCES = (__file__, rules.__file__, actions.__file__)
+
+
+def sources() -> str:
+    """A hash of the sources that references depend on, whatever the machine and the compiler.
+
+    It changes with every edit, harmless ones too: it tells what computed a reference, not
+    whether that is still right.
+    """
+    solver = sorted((Path(rules.__file__).parents[1] / "solver").glob("*.py"))
+    digest = hashlib.sha256()
+    for path in (*solver, *map(Path, _OWN_SOURCES)):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def _key(scene: Scene) -> str:
     digest = hashlib.sha256(source_hash().encode())
-    for source in (__file__, rules.__file__, actions.__file__):
+    for source in _OWN_SOURCES:
         digest.update(Path(source).read_bytes())
     # a name is no part of the physics
     _add_to(digest, replace(scene, name="scene"))

@@ -52,7 +52,7 @@ class Settings:
             if dx is not None or split != "nominal":
                 raise ValueError("scene: a Scene of your own has its own dx, and no instances")
             check_viscosity("scene", scene)
-            self._own_id = f"{scene.name}/custom/{fingerprint(scene)}"
+            self._own_id = f"{scene.name}/{instances.CUSTOM}/{fingerprint(scene)}"
             return
         if dx is not None:
             positive("dx", dx)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sph_gym.env import rewards
 from sph_gym.env.episode import Episode
+from sph_gym.env.identity import Identity, identify
 from sph_gym.env.settings import Settings
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
@@ -44,7 +45,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     ## Episode
     duration / frame steps of `frame` seconds each, then truncation. A blow-up terminates, with
     the last finite state as the observation. reset(options={"instance": "dam_break/train/17"})
-    chooses an instance. `env.unwrapped.sim` is the running `Simulation`.
+    chooses an instance. `env.unwrapped.sim` is the running `Simulation`, `env.unwrapped.instance`
+    tells all about the flow (`sph_gym.env.identity`).
 
     ## Info
     Flat Python floats and two strings, each explained in `sph_gym.env.episode.INFO`; the
@@ -180,6 +182,11 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     def instance_id(self) -> str:
         """Which flow the present episode shows."""
         return self.episode.instance_id
+
+    @property
+    def instance(self) -> Identity:
+        """All about that flow: what made it, with which arguments and seed, and its hash."""
+        return identify(self.episode.instance_id, self.episode.scene)
 
     @property
     def n_steps(self) -> int:

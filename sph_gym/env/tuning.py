@@ -215,8 +215,9 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     def set_state(self, state: dict[str, Any]) -> None:
         """Go back to what `get_state` of an environment with the same arguments gave.
 
-        What follows is the same to the last bit. Raises ValueError for other states, and then
-        nothing has changed.
+        What follows is the same to the last bit. Raises ValueError that says what doesn't fit in
+        states that were damaged or are of environments with other arguments, and then nothing has
+        changed.
         """
         try:
             instance, episode, generator = (

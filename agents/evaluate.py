@@ -14,7 +14,7 @@ import pandas as pd
 from agents.jobs import run_jobs
 from agents.policies import Policy, Spec, build
 from sph_gym.env import SCENES, env_id
-from sph_gym.env.instances import SIZES
+from sph_gym.env.instances import ODD, SIZES, shift
 from sph_gym.solver.checks import known
 from sph_gym.studies.table import print_table
 
@@ -147,9 +147,24 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows).sort_values("return", ascending=False, ignore_index=True)
 
 
+def shift_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """The summary of each shift of "ood" by itself, with a column "shift"; empty without any.
+
+    Each is another question, and a mean over all of them answers none.
+    """
+    shifts = runs["instance"].map(shift)
+    parts = [summary_table(runs[shifts == each]).assign(shift=each)
+             for each in ODD if (shifts == each).any()]  # fmt: skip
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
 def readable(summary: pd.DataFrame) -> pd.DataFrame:
-    """The summary as text: mean ± half the 95 % interval, under headings with units."""
-    table = pd.DataFrame({"agent": summary["agent"]})
+    """The summary as text: mean ± half the 95 % interval, under headings with units.
+
+    summary: of `summary_table` or `shift_table`.
+    """
+    texts = [name for name in ("shift", "agent") if name in summary]
+    table = summary[texts].copy()
     for measure, heading in MEASURES.items():
         digits = 1 if measure in PERCENT else 2
         table[heading] = [
@@ -162,7 +177,8 @@ def readable(summary: pd.DataFrame) -> pd.DataFrame:
 
 def show(table: pd.DataFrame, title: str) -> None:
     """Print a table of text to the terminal."""
-    print_table(title, list(table.columns), table.to_numpy().tolist(), n_text=1)
+    n_text = 1 + ("shift" in table)
+    print_table(title, list(table.columns), table.to_numpy().tolist(), n_text=n_text)
 
 
 def main(spec: Spec, args: Args) -> None:
@@ -171,4 +187,7 @@ def main(spec: Spec, args: Args) -> None:
     path = args.output / f"{spec.name}_{args.scene}_{args.instances}.csv"
     runs = evaluate([spec], args.scene, instances, path)
     show(readable(summary_table(runs)), f"{spec.name} on {args.scene} ({args.instances})")
+    shifts = shift_table(runs)
+    if len(shifts):
+        show(readable(shifts), f"{spec.name} on {args.scene}, by what is out of distribution")
     print(f"every run: {path}")

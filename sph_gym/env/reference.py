@@ -46,6 +46,9 @@ class Observables(NamedTuple):
     com, extent: (n, 2) centre of mass and standard deviations of x and y [m]; kinetic, potential:
     (n,) energies [J/m]; front: (n,) largest x [m]; clumping: (n,) share of particles closer than
     0.6 dx to another one.
+
+    Nothing judges potential and front: the height of the centre of mass says what the one would,
+    and the other is where a single particle is. They are there to be drawn and compared with.
     """
 
     com: Floats

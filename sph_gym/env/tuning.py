@@ -53,7 +53,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     entries reward_density, reward_clumping, reward_fidelity, reward_work and reward_blowup sum to
     the reward. `python -m sph_gym docs ID` prints all of this for one id, with tables.
 
-    Raises ValueError for unknown names and for actions that aren't finite and in the space.
+    Raises ValueError for unknown names, for fluids so viscous that no action asks for a step that
+    is short enough, and for actions that aren't finite and in the space.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 30}  # noqa: RUF012

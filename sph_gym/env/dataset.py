@@ -34,7 +34,8 @@ def record(
     An episode's metadata holds seed, options, instance_id, blowup_cause and rewards_sum, so that
     the environment that the dataset recovers can play it again, and as "instance" all that makes
     its flow (`sph_gym.env.identity.Identity`, as JSON), so that it can be told whether another
-    version still shows the same; the dataset's holds the manifest_version. With reward="vector"
+    version still shows the same; the dataset's holds the manifest_version. A `Scene` of one's own
+    can't be recovered, of which Minari warns: keep the program that makes it. With reward="vector"
     rewards are (n_steps, n_terms), and rewards_sum is over all terms.
 
     Raises ValueError for less than one episode and for a dataset that exists or whose name isn't

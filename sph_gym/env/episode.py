@@ -18,7 +18,7 @@ from sph_gym.solver.simulation import Report, Simulation
 INFO = {
     "instance_id": ("text", "which flow the episode shows"),
     "blowup_cause": ("text", "cfl, stiffness, clumping, tunnelling, energy or nan; else empty"),
-    "time": ("s", "physical time of the state"),
+    "time": ("s", "physical time of the state; of the blow-up in a step that is taken back"),
     "dt": ("s", "time step; a whole number of them fits into a frame"),
     "stiffness": ("Pa", "Tait's B"),
     "xsph": ("-", "XSPH epsilon"),

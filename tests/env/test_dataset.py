@@ -8,6 +8,7 @@ from agents.policies import Spec, build
 from sph_gym import scenes
 from sph_gym.env import manifest
 from sph_gym.env.dataset import record
+from sph_gym.env.reference import fingerprint
 from sph_gym.env.rewards import TERMS
 
 minari = pytest.importorskip("minari")
@@ -111,3 +112,11 @@ def test_a_dataset_tells_what_made_its_flows():
     assert (listed["manifest"], coarse["manifest"]) == (manifest.VERSION, "")
     assert listed["shift"] == coarse["shift"] == "strength"
     assert scenes.make(coarse["builder"], **coarse["arguments"]).dx == 0.08
+
+
+def test_a_scene_of_ones_own_is_told_by_its_fingerprint_and_not_recovered():
+    scene = scenes.make("drop_impact", dx=0.08)
+    with pytest.warns(UserWarning, match="not be able to recover"):
+        data = record("sph_gym/Custom-v0", random_agent(), 1, NAME, arguments={"scene": scene})
+    (about,) = data.storage.get_episode_metadata([0])
+    assert json.loads(about["instance"])["fingerprint"] == fingerprint(scene)

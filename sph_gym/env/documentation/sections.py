@@ -187,7 +187,12 @@ def _episode_end(about: Subject) -> str:
 
 def _information(about: Subject) -> str:
     rows = [(f"`{key}`", unit, meaning) for key, (unit, meaning) in episode.INFO.items()]
-    return table(["Key", "Unit", "Meaning"], rows)
+    text = prose("""
+        `info` has the same entries after a reset and after every step. In a step that is taken
+        back, they tell of what blew up and what it cost, while the observation is of the state to
+        go on from.
+    """)
+    return "\n\n".join([text, table(["Key", "Unit", "Meaning"], rows)])
 
 
 def defaults(function: Callable[..., Any]) -> dict[str, Any]:

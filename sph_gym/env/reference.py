@@ -2,7 +2,7 @@
 
 The references of the instances are shipped with their manifests. All others are kept on disk
 under a hash of all that they depend on: the particles, the fluid, the effects, the sources of the
-solver, of the rule and of the actions, and this file.
+solver, of the rule, of the actions and of what viscosity asks for, and this file.
 """
 
 import hashlib
@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 
 from sph_gym.controllers import rules
 from sph_gym.controllers.rules import TunedCfl, from_numbers
-from sph_gym.env import actions, manifest
+from sph_gym.env import actions, manifest, viscous
 from sph_gym.solver.jit import cache_home, source_hash
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
-from sph_gym.solver.state import Controls
 
 # The reference: nominal stiffness, and a step far below the limit of about 0.9 h/c.
 COURANT = 0.25
@@ -126,14 +125,12 @@ def fingerprint(scene: Scene) -> str:
 
 
 # What references depend on besides the solver.
-_OWN_SOURCES = (__file__, rules.__file__, actions.__file__)
+_OWN_SOURCES = (__file__, rules.__file__, actions.__file__, viscous.__file__)
 
 
 def sources() -> str:
-    """A hash of the sources that references depend on, whatever the machine and the compiler.
-
-    It changes with every edit, harmless ones too: it tells what computed a reference, not
-    whether that is still right.
+    """A hash of the sources that references depend on, whatever the machine and the compiler; of
+    harmless edits too: it tells what computed a reference, not whether that is still right.
     """
     solver = sorted((Path(rules.__file__).parents[1] / "solver").glob("*.py"))
     digest = hashlib.sha256()
@@ -246,10 +243,8 @@ def _look(sim: Simulation) -> list[float]:
 
 
 def _cfl_substeps(scene: Scene) -> float:
-    """Mean substeps a frame of the tuned rule.
-
-    If it should blow up, of one with a smaller Courant multiple; and if none will do, of one that
-    is as stiff as a viscous fluid asks for.
+    """Mean substeps a frame of the tuned rule; if it should blow up, of one with a smaller Courant
+    multiple, and if none will do, of one that is as stiff as friction asks for.
     """
     for stiffer, courant in itertools.product((False, True), (TunedCfl().courant, 0.6, 0.4, 0.25)):
         rule = TunedCfl(courant=courant)
@@ -258,7 +253,7 @@ def _cfl_substeps(scene: Scene) -> float:
         for _ in range(n_frames(scene)):
             wanted = rule(sim)
             if stiffer:
-                wanted = _within_reach(scene, courant, wanted)
+                wanted = viscous.within_reach(scene, courant, wanted)
             # as an agent could play it: cut off at the ends of the action space
             sim.controls = actions.decode(scene, actions.encode(scene, wanted))
             report = sim.advance(scene.frame)
@@ -268,43 +263,6 @@ def _cfl_substeps(scene: Scene) -> float:
         else:
             return float(np.mean(substeps))
     raise RuntimeError(f"{scene.name}: the CFL rule blew up even at a Courant multiple of 0.25")
-
-
-def _within_reach(scene: Scene, courant: float, wanted: Controls) -> Controls:
-    """Controls of the rule, or stiffer ones if no action asks for a step as short as theirs.
-
-    Actions choose the step in multiples of h / c: where friction asks for less than the lowest of
-    them, a larger c makes it shorter.
-    """
-    h, c = scene.h, scene.fluid.sound_speed(wanted.stiffness)
-    lowest = actions.COURANT[0]
-    if wanted.dt * c / h >= lowest:
-        return wanted
-    friction = 1 / wanted.dt - c / (courant * h)
-    c = friction * h / (1 / lowest - 1 / courant)
-    return Controls(lowest * h / c, scene.fluid.stiffness(c), wanted.xsph)
-
-
-def check_viscosity(name: str, scene: Scene) -> None:
-    """ValueError if the fluid is so viscous that it takes steps below the action space.
-
-    name: of the argument to blame. Even in the stiffest fluid, the lowest multiple of h / c must
-    be a step that the tuned rule could take.
-    """
-    nu, h = scene.effects.laminar_viscosity, scene.h
-    if not nu:
-        return
-    lowest, c = actions.COURANT[0], actions.SOUND[1] * scene.fluid.c0
-    shortest = lowest * h / c
-    room = (1 / lowest - 1 / TunedCfl().courant) * c / h
-    if nu / (scene.viscous_share * h * h) > room:
-        limit = 1 / (c / (TunedCfl().courant * h) + nu / (scene.viscous_share * h * h))
-        raise ValueError(
-            f"{name}: expected a fluid that takes steps within the action space, but with "
-            f"nu = {nu:g} m^2/s and h = {h:g} m viscosity limits the step to {limit:.3g} s, and "
-            f"the shortest that an action asks for is {shortest:.3g} s; a larger dx or a smaller "
-            "viscosity makes them meet"
-        )
 
 
 def as_arrays(stored: Reference) -> dict[str, Any]:

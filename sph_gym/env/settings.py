@@ -6,10 +6,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from sph_gym.env import actions, instances, observations, rewards
+from sph_gym.env import actions, instances, observations, rewards, viscous
 from sph_gym.env.draws import FAMILIES
 from sph_gym.env.episode import Rules
-from sph_gym.env.reference import check_viscosity, fingerprint
+from sph_gym.env.reference import fingerprint
 from sph_gym.solver.checks import in_range, known, positive
 from sph_gym.solver.scene import Scene
 
@@ -51,7 +51,7 @@ class Settings:
         if isinstance(scene, Scene):
             if dx is not None or split != "nominal":
                 raise ValueError("scene: a Scene of your own has its own dx, and no instances")
-            check_viscosity("scene", scene)
+            viscous.check("scene", scene)
             self._own_id = f"{scene.name}/{instances.CUSTOM}/{fingerprint(scene)}"
             return
         if dx is not None:
@@ -92,7 +92,7 @@ class Settings:
         chosen = instances.parse(id_)
         known("scene of the instance", chosen.scene, self._scenes)
         built = chosen.build()
-        check_viscosity("instance", built)
+        viscous.check("instance", built)
         return chosen.id, built
 
     # --- rewards and masks ------------------------------------------------------------------
@@ -128,4 +128,4 @@ def _try(instance: instances.Instance, dx: float) -> None:
         raise ValueError(
             f"dx: expected a spacing that {instance.scene} can be made with, got {dx:g} ({error})"
         ) from None
-    check_viscosity("dx", built)
+    viscous.check("dx", built)

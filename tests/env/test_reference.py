@@ -5,7 +5,7 @@ import pytest
 
 import sph_gym
 from sph_gym import scenes
-from sph_gym.env import instances
+from sph_gym.env import instances, viscous
 from sph_gym.env import reference as module
 from sph_gym.env.reference import fingerprint, n_frames, reference
 
@@ -154,7 +154,7 @@ def test_the_rule_is_as_stiff_as_friction_asks_for_and_no_stiffer():
     for c in (0.4 * c0, c0):
         rate = c / (0.8 * h) + scene.effects.laminar_viscosity / (share * h * h)
         wanted = sph_gym.Controls(1 / rate, scene.fluid.stiffness(c), 0.3)
-        found = module._within_reach(scene, 0.8, wanted)
+        found = viscous.within_reach(scene, 0.8, wanted)
         reached = scene.fluid.sound_speed(found.stiffness)
         rate = reached / (0.8 * h) + scene.effects.laminar_viscosity / (share * h * h)
         assert found.dt == pytest.approx(1 / rate)

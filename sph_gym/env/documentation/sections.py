@@ -5,7 +5,16 @@ from collections.abc import Callable
 from typing import Any
 
 from sph_gym import scenes
-from sph_gym.env import actions, episode, instances, labels, observations, rewards, settings
+from sph_gym.env import (
+    actions,
+    episode,
+    instances,
+    labels,
+    manifest,
+    observations,
+    rewards,
+    settings,
+)
 from sph_gym.env.documentation.markdown import listed, prose, span, table
 from sph_gym.env.documentation.spaces import action_space, limits, observation_space
 from sph_gym.env.documentation.subject import Subject, built
@@ -223,7 +232,13 @@ same episodes to the last bit, side by side on threads. It takes the arguments a
 
 
 def _history(about: Subject) -> str:
-    return "\n".join(f"- {version}: {what}" for version, what in HISTORY.items())
+    versions = "\n".join(f"- {version}: {what}" for version, what in HISTORY.items())
+    if not about.scenes:
+        return versions
+    return (
+        f"{versions}\n\nThe ids of instances mean what the manifests {manifest.VERSION} say; "
+        "`env.unwrapped.instance.manifest` tells whether the present flow is listed there."
+    )
 
 
 SECTIONS: dict[str, Callable[[Subject], str]] = {

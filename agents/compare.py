@@ -18,11 +18,19 @@ from tqdm import tqdm
 
 import sph_gym
 from agents import grid_search, plots, report
-from agents.evaluate import evaluate, instance_ids, play, readable, show, summary_table
+from agents.evaluate import (
+    evaluate,
+    instance_ids,
+    play,
+    readable,
+    shift_table,
+    show,
+    summary_table,
+)
 from agents.looks import AGENTS
 from agents.policies import LEARNED, NAMES, Spec, build, trained_network
 from sph_gym.env import env_id
-from sph_gym.env.instances import parse
+from sph_gym.env.instances import ODD, parse
 from sph_gym.view import Painter, side_by_side, write_video
 
 PANEL_WIDTH = 480
@@ -37,8 +45,10 @@ class Args:
     """scene of the environment"""
     agents: tuple[str, ...] = NAMES
     """which agents"""
+    instances: str = "test"
+    """nominal, train, val, test or ood; of ood, each shift is told by itself too"""
     n_instances: int = 16
-    """test instances, the same for every agent"""
+    """how many of them, the same for every agent"""
     n_search: int = 6
     """training instances of the grid search"""
     grid: tuple[int, int, int] = (4, 6, 3)
@@ -138,11 +148,13 @@ def animate(pictures: list[list[NDArray[np.uint8]]], folder: Path) -> None:
 
 def compare(args: Args) -> Path:
     """Run everything that is missing and write the folder. Returns the path of the report."""
-    instances = instance_ids(args.scene, "test", args.n_instances)
+    instances = instance_ids(args.scene, args.instances, args.n_instances)
     chosen = specs(args)
     runs = evaluate(chosen, args.scene, instances, args.output / "runs.csv")
-    summary = summary_table(runs)
+    summary, shifts = summary_table(runs), shift_table(runs)
     report.write_tables(summary, args.output)
+    if len(shifts):
+        report.write_tables(shifts, args.output, "table_by_shift")
     plots.plot_returns(runs, args.output / "returns.png")
     plots.plot_cost_against_error(runs, args.output / "cost_against_error.png")
     plots.plot_reward_terms(runs, args.output / "reward_terms.png")
@@ -152,7 +164,9 @@ def compare(args: Args) -> Path:
     plots.plot_controls(episodes, args.output / "controls.png", nominal)
     animate(pictures, args.output)
     page = report.write_report(args.output, _context(args, chosen, summary, instances))
-    show(readable(summary), f"{args.scene}: {len(instances)} unseen instances")
+    show(readable(summary), f"{args.scene}: {len(instances)} instances of {args.instances!r}")
+    if len(shifts):
+        show(readable(shifts), f"{args.scene}, by what is out of distribution")
     print("mean ± half of the 95 % bootstrap interval over instances; best return first")
     return page
 
@@ -161,7 +175,7 @@ def _context(
     args: Args, chosen: list[Spec], summary: pd.DataFrame, instances: list[str]
 ) -> dict[str, Any]:
     return {
-        "notes": [_note(spec, args) for spec in chosen if spec.settings or spec.network],
+        "notes": _notes(args, chosen),
         "scene": args.scene,
         "summary": summary,
         "instances": instances,
@@ -176,6 +190,17 @@ def _context(
         "cpu": report.cpu_name(),
         "date": date.today().isoformat(),
     }
+
+
+def _notes(args: Args, chosen: list[Spec]) -> list[str]:
+    notes = [_note(spec, args) for spec in chosen if spec.settings or spec.network]
+    if args.instances == "ood":
+        kinds = ", ".join(ODD.values())
+        notes.append(
+            f"These flows are out of distribution in four ways, in turns: {kinds}. The table "
+            "takes them together; table_by_shift.csv and table_by_shift.md tell them apart."
+        )
+    return notes
 
 
 def _note(spec: Spec, args: Args) -> str:

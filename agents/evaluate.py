@@ -1,5 +1,6 @@
 """One episode of one agent on one instance, and many of them; the ground that all agents share."""
 
+import hashlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import pandas as pd
 from agents.jobs import run_jobs
 from agents.policies import Policy, Spec, build
 from sph_gym.env import SCENES, env_id
-from sph_gym.env.instances import SIZES
+from sph_gym.env.instances import ODD, SIZES, shift
 from sph_gym.solver.checks import known
 from sph_gym.studies.table import print_table
 
@@ -95,16 +96,28 @@ def run_episode(spec: Spec, scene: str, instance: str, seed: int) -> dict[str, A
 def evaluate(
     specs: Sequence[Spec], scene: str, instances: Sequence[str], path: Path, title: str = "episodes"
 ) -> pd.DataFrame:
-    """Every agent on every instance with the same seeds; finished runs in `path` are kept."""
+    """Every agent on every instance with the same seeds; finished runs in `path` are kept.
+
+    Raises OSError for a network that can't be read.
+    """
     jobs, keys = [], []
     for spec in specs:
+        about = {"agent": spec.name, "settings": _settings(spec)}
         for seed, instance in enumerate(instances):
             jobs.append((spec, scene, instance, seed))
-            settings = spec.settings or spec.network or ""
-            keys.append(
-                {"agent": spec.name, "instance": instance, "seed": seed, "settings": str(settings)}
-            )
+            keys.append(about | {"instance": instance, "seed": seed})
     return run_jobs(run_episode, jobs, keys, path, title)
+
+
+def _settings(spec: Spec) -> str:
+    """What sets an agent apart from others of its name: its settings, or what its network holds.
+
+    A network that is trained anew lies where the old one lay, so that its path tells nothing.
+    """
+    if spec.network is None:
+        return str(spec.settings or "")
+    path = Path(spec.network)
+    return f"{path.name} sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
 
 
 def interval(values: np.ndarray, confidence: float = 0.95) -> tuple[float, float, float]:
@@ -134,9 +147,24 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows).sort_values("return", ascending=False, ignore_index=True)
 
 
+def shift_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """The summary of each shift of "ood" by itself, with a column "shift"; empty without any.
+
+    Each is another question, and a mean over all of them answers none.
+    """
+    shifts = runs["instance"].map(shift)
+    parts = [summary_table(runs[shifts == each]).assign(shift=each)
+             for each in ODD if (shifts == each).any()]  # fmt: skip
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
 def readable(summary: pd.DataFrame) -> pd.DataFrame:
-    """The summary as text: mean ± half the 95 % interval, under headings with units."""
-    table = pd.DataFrame({"agent": summary["agent"]})
+    """The summary as text: mean ± half the 95 % interval, under headings with units.
+
+    summary: of `summary_table` or `shift_table`.
+    """
+    texts = [name for name in ("shift", "agent") if name in summary]
+    table = summary[texts].copy()
     for measure, heading in MEASURES.items():
         digits = 1 if measure in PERCENT else 2
         table[heading] = [
@@ -149,7 +177,8 @@ def readable(summary: pd.DataFrame) -> pd.DataFrame:
 
 def show(table: pd.DataFrame, title: str) -> None:
     """Print a table of text to the terminal."""
-    print_table(title, list(table.columns), table.to_numpy().tolist(), n_text=1)
+    n_text = 1 + ("shift" in table)
+    print_table(title, list(table.columns), table.to_numpy().tolist(), n_text=n_text)
 
 
 def main(spec: Spec, args: Args) -> None:
@@ -158,4 +187,7 @@ def main(spec: Spec, args: Args) -> None:
     path = args.output / f"{spec.name}_{args.scene}_{args.instances}.csv"
     runs = evaluate([spec], args.scene, instances, path)
     show(readable(summary_table(runs)), f"{spec.name} on {args.scene} ({args.instances})")
+    shifts = shift_table(runs)
+    if len(shifts):
+        show(readable(shifts), f"{spec.name} on {args.scene}, by what is out of distribution")
     print(f"every run: {path}")

@@ -21,13 +21,25 @@ Row = dict[str, Any]
 INTERRUPTED = 130
 
 
+# What decides how an episode goes and what its row says, besides the package itself.
+OWN_SOURCES = ("evaluate.py", "policies.py")
+PACKAGE_SOURCES = ("**/*.py", "env/manifests/*", "scenes/data/*")
+
+
 @cache
 def code_version() -> str:
-    """Hash of the package's sources: rows that other code wrote are not reused."""
+    """Hash of all that rows depend on: those that other code or other flows made are not reused."""
     digest = hashlib.sha256()
-    for path in sorted(Path(sph_gym.__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
+    for path in sources():
+        digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:12]
+
+
+def sources() -> list[Path]:
+    """The files of the package, its manifests and references among them, and of the agents."""
+    package, own = Path(sph_gym.__file__).parent, Path(__file__).parent
+    found = [path for part in PACKAGE_SOURCES for path in package.glob(part) if path.is_file()]
+    return sorted(found) + [own / name for name in OWN_SOURCES]
 
 
 def cpu_count() -> int:

@@ -63,16 +63,16 @@ PLOTS: dict[str, Plot] = {
 ANIMATIONS = {"side_by_side.mp4": "video/mp4", "side_by_side.gif": "image/gif"}
 
 
-def write_tables(summary: pd.DataFrame, folder: Path) -> None:
-    """Write table.csv (means and interval ends as numbers) and table.md (text) into the folder.
+def write_tables(summary: pd.DataFrame, folder: Path, stem: str = "table") -> None:
+    """Write STEM.csv (means and interval ends as numbers) and STEM.md (text) into the folder.
 
-    summary: as `agents.evaluate.summary_table` returns it.
+    summary: as `agents.evaluate.summary_table` or `shift_table` returns it.
     """
-    summary.to_csv(folder / "table.csv", index=False)
+    summary.to_csv(folder / f"{stem}.csv", index=False)
     text = readable(summary)
-    sides = ["left", *["right"] * (len(text.columns) - 1)]
+    sides = ["left" if name in ("shift", "agent") else "right" for name in text.columns]
     markdown = text.to_markdown(index=False, colalign=sides, disable_numparse=True)
-    (folder / "table.md").write_text(f"{markdown}\n", encoding="utf-8")
+    (folder / f"{stem}.md").write_text(f"{markdown}\n", encoding="utf-8")
 
 
 def write_report(folder: Path, context: Mapping[str, Any]) -> Path:

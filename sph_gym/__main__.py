@@ -83,6 +83,13 @@ def _parser() -> argparse.ArgumentParser:
     manifest.set_defaults(function=_manifest)
     manifest.add_argument("--scenes", nargs="+", metavar="SCENE", help="only these environments")
     manifest.add_argument("--output", metavar="FOLDER", help="by default, where sph_gym reads them")
+    manifest.add_argument(
+        "--redefine", action="store_true",
+        help="let ids mean other flows than those of the same version did",
+    )  # fmt: skip
+    manifest.add_argument(
+        "--stamp", action="store_true", help="only write the digests of what is there anew"
+    )
     return parser
 
 
@@ -185,10 +192,13 @@ def _docs(options: argparse.Namespace) -> int:
 
 def _manifest(options: argparse.Namespace) -> int:
     from sph_gym.env.manifest import FOLDER
-    from sph_gym.env.preparation import prepare
+    from sph_gym.env.preparation import prepare, stamp
 
     folder = Path(options.output) if options.output else FOLDER
-    print(*prepare(options.scenes, folder), sep="\n")
+    if options.stamp:
+        print(*stamp(options.scenes, folder), sep="\n")
+    else:
+        print(*prepare(options.scenes, folder, options.redefine), sep="\n")
     return 0
 
 

@@ -1,5 +1,6 @@
 """Episodes as a Minari dataset, for offline learning."""
 
+import json
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -8,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.env import manifest
 from sph_gym.solver.checks import whole
 
 # (environment, observation) -> action
@@ -30,8 +32,11 @@ def record(
     environment draws with seed + k. arguments: of the environment; metadata: what else
     `minari.create_dataset_from_buffers` takes, such as author, algorithm_name, description.
     An episode's metadata holds seed, options, instance_id, blowup_cause and rewards_sum, so that
-    the environment that the dataset recovers can play it again. With reward="vector" its rewards
-    are (n_steps, n_terms), and rewards_sum is over all terms.
+    the environment that the dataset recovers can play it again, and as "instance" all that makes
+    its flow (`sph_gym.env.identity.Identity`, as JSON), so that it can be told whether another
+    version still shows the same; the dataset's holds the manifest_version. A `Scene` of one's own
+    can't be recovered, of which Minari warns: keep the program that makes it. With reward="vector"
+    rewards are (n_steps, n_terms), and rewards_sum is over all terms.
 
     Raises ValueError for less than one episode and for a dataset that exists or whose name isn't
     NAMESPACE/NAME-vNUMBER, ImportError that names the extra to install.
@@ -45,10 +50,12 @@ def record(
         # Gymnasium's checker knows scalars only
         made = {"disable_env_checker": True} | made
     env = gym.make(env_id, **made)
-    buffers = []
+    buffers, shown = [], list[str]()
     for k in range(n_episodes):
         options = {"instance": instance_ids[k % len(instance_ids)]} if instance_ids else None
         buffers.append(_play(env, policy, seed + k, options))
+        unwrapped: Any = env.unwrapped
+        shown.append(json.dumps(unwrapped.instance._asdict()))
     with warnings.catch_warnings():
         # what nobody gave is a matter of taste: author, e-mail, link to the code
         warnings.filterwarnings("ignore", r".* is set to None", UserWarning)
@@ -57,7 +64,8 @@ def record(
             dataset_id, buffers, env=env, jpeg_encoding=False, **metadata
         )
     env.close()
-    dataset.storage.update_episode_metadata(map(_summary, buffers))
+    dataset.storage.update_metadata({"manifest_version": manifest.VERSION})
+    dataset.storage.update_episode_metadata(map(_summary, buffers, shown))
     return dataset
 
 
@@ -109,9 +117,10 @@ def _play(env: gym.Env[Any, Any], policy: Policy, seed: int, options: dict[str, 
     return buffer
 
 
-def _summary(buffer: Any) -> dict[str, Any]:
+def _summary(buffer: Any, instance: str) -> dict[str, Any]:
     """What an episode's metadata holds besides seed and options."""
     return {
+        "instance": instance,
         "instance_id": buffer.infos["instance_id"][0],
         "blowup_cause": buffer.infos["blowup_cause"][-1],
         "rewards_sum": float(np.sum(buffer.rewards)),

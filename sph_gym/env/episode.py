@@ -6,10 +6,9 @@ Single and vector environments share this: they differ only in who advances the 
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.env import actions, rewards
+from sph_gym.env import actions, observations, rewards, states
 from sph_gym.env.observations import Features, Field, Moment, look
 from sph_gym.env.reference import n_frames, reference
 from sph_gym.solver.scene import Scene
@@ -19,7 +18,7 @@ from sph_gym.solver.simulation import Report, Simulation
 INFO = {
     "instance_id": ("text", "which flow the episode shows"),
     "blowup_cause": ("text", "cfl, stiffness, clumping, tunnelling, energy or nan; else empty"),
-    "time": ("s", "physical time of the state"),
+    "time": ("s", "physical time of the state; of the blow-up in a step that is taken back"),
     "dt": ("s", "time step; a whole number of them fits into a frame"),
     "stiffness": ("Pa", "Tait's B"),
     "xsph": ("-", "XSPH epsilon"),
@@ -52,6 +51,19 @@ class Rules(NamedTuple):
     tolerances: rewards.Tolerances
     rollbacks: int
     rate_limit: float | None
+
+    def plain(self) -> dict[str, Any]:
+        """The same as numbers and texts, under the names of the environment's arguments."""
+        (mode,) = [name for name, kind in actions.MODES.items() if type(self.actions) is kind]
+        (seen,) = [n for n, kind in observations.TYPES.items() if type(self.observations) is kind]
+        return {
+            "action_mode": mode,
+            "observation": seen,
+            "on_blowup": f"{self.rollbacks} rollbacks in a row",
+            "reward_weights": dict(self.weights),
+            "tolerances": self.tolerances._asdict(),
+            "rate_limit": self.rate_limit,
+        }
 
 
 class Outcome(NamedTuple):
@@ -185,35 +197,48 @@ class Episode:
         }
 
     def _return_to(self, kept: dict[str, Any]) -> None:
-        past, coordinates = list(kept["past"]), np.array(kept["coordinates"])
-        before, numbers = dict(kept["before"]), dict(kept["numbers"])
         self.sim.restore(kept["simulation"])
-        self._judge.past, self.coordinates = past, coordinates
-        self._before, self._numbers = before, numbers
+        self._judge.past, self.coordinates = list(kept["past"]), kept["coordinates"].copy()
+        self._before, self._numbers = dict(kept["before"]), dict(kept["numbers"])
 
     def state(self) -> dict[str, Any]:
-        """Everything that changes, picklable; an episode that takes it back goes on bit by bit."""
-        report = self._report
+        """Everything that changes, as plain arrays, numbers and texts, and the rules.
+
+        An episode that takes it back goes on bit by bit.
+        """
         return self._keep() | {
             "step": self.step,
             "over": self.over,
             "setbacks": self._setbacks,
             "control_work": self._control_work,
-            "report": report,
+            "report": states.plain(self._report),
             "info": dict(self.info),
+            "rules": self.rules.plain(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to what `state` gave.
 
-        Raises ValueError if that was another kind of episode, and then nothing has changed.
+        Raises ValueError that names what doesn't fit: other rules, another instance, wrong shapes
+        and ranges, parts that contradict each other; and then nothing has changed.
         """
+        kept = states.check(state, self._bounds())
         try:
-            step, over, setbacks = int(state["step"]), bool(state["over"]), int(state["setbacks"])
-            control_work, report = float(state["control_work"]), state["report"]
-            info = dict(state["info"])
-            self._return_to(state)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"state: not one of an episode: {error!r}") from None
-        self.step, self.over, self._setbacks = step, over, setbacks
-        self._control_work, self._report, self.info = control_work, report, info
+            self.sim.restore(state["simulation"])
+        except ValueError as error:
+            raise ValueError(f"state: {error}") from None
+        self._judge.past, self.coordinates = kept.past, kept.coordinates
+        self._before, self._numbers = kept.before, kept.numbers
+        self.step, self.over, self._setbacks = kept.step, kept.over, kept.setbacks
+        self._control_work, self._report, self.info = kept.control_work, kept.report, kept.info
+
+    def _bounds(self) -> states.Bounds:
+        return states.Bounds(
+            self.rules.plain(),
+            self.instance_id,
+            self.n_steps,
+            self.rules.rollbacks,
+            self.scene.frame,
+            tuple(self._numbers),
+            {name: unit == "text" for name, (unit, _) in INFO.items()},
+        )

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from sph_gym import scenes
 from sph_gym.env import manifest
-from sph_gym.env.draws import FAMILIES, Drawn, draw
+from sph_gym.env.draws import FAMILIES, SHIFTS, Drawn, draw
 from sph_gym.solver.checks import known, positive
 from sph_gym.solver.scene import Scene
 
@@ -22,8 +22,14 @@ PURPOSES = {
     "train": "to learn from and to search on",
     "val": "to choose between what was learned",
     "test": "to compare agents on, and for nothing else",
-    "ood": "to see what happens out of the distribution: a finer spacing, another strength of "
-    "what drives the flow, a viscous fluid, or another scene, in turns",
+    "ood": "to see what happens out of the distribution, in four ways, in turns",
+}
+# What is out of distribution in "ood".
+ODD = {
+    "resolution": "a finer spacing",
+    "strength": "another strength of what drives the flow",
+    "viscosity": "a viscous fluid",
+    "scene": "another scene, a dam break onto a wet bed with an obstacle",
 }
 
 # How many frames of the scene make a step of the environment: in a step of a few substeps there
@@ -42,6 +48,8 @@ DIAGNOSTIC = {
 NUMBER = re.compile("0|[1-9][0-9]{0,8}")
 # What stands before the spacing in an id.
 SPACING = "dx="
+# What stands for the split in the id of a user's own scene.
+CUSTOM = "custom"
 
 
 class Instance(NamedTuple):
@@ -54,6 +62,16 @@ class Instance(NamedTuple):
     def scene(self) -> str:
         """Name of the environment's scene."""
         return self.id.split("/")[0]
+
+    @property
+    def split(self) -> str:
+        """Which of SIZES it belongs to."""
+        return self.id.split("/")[1]
+
+    @property
+    def number(self) -> int:
+        """Which one of its split it is."""
+        return int(self.id.split("/")[2])
 
     @property
     def arguments(self) -> Mapping[str, Any]:
@@ -98,6 +116,15 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
         return Instance(f"{id_}/{SPACING}{dx!r}", draw(scene, split, number, dx))
     entry = manifest.entry(id_)
     return Instance(id_, draw(scene, split, number, usual) if entry is None else entry.drawn)
+
+
+def shift(id_: str) -> str:
+    """What is out of distribution in an instance of "ood", one of ODD; else empty.
+
+    Raises ValueError if there is no such instance.
+    """
+    found = parse(id_)
+    return SHIFTS[found.number % len(SHIFTS)] if found.split == "ood" else ""
 
 
 def parse(id_: str) -> Instance:

@@ -2,10 +2,11 @@
 
 The references of the instances are shipped with their manifests. All others are kept on disk
 under a hash of all that they depend on: the particles, the fluid, the effects, the sources of the
-solver, of the rule and of the actions, and this file.
+solver, of the rule, of the actions and of what viscosity asks for, and this file.
 """
 
 import hashlib
+import itertools
 import os
 import tempfile
 import threading
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from sph_gym.controllers import rules
 from sph_gym.controllers.rules import TunedCfl, from_numbers
-from sph_gym.env import actions, manifest
+from sph_gym.env import actions, manifest, viscous
 from sph_gym.solver.jit import cache_home, source_hash
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
@@ -44,6 +45,9 @@ class Observables(NamedTuple):
     com, extent: (n, 2) centre of mass and standard deviations of x and y [m]; kinetic, potential:
     (n,) energies [J/m]; front: (n,) largest x [m]; clumping: (n,) share of particles closer than
     0.6 dx to another one.
+
+    Nothing judges potential and front: the height of the centre of mass says what the one would,
+    and the other is where a single particle is. They are there to be drawn and compared with.
     """
 
     com: Floats
@@ -87,18 +91,20 @@ def reference(scene: Scene, instance_id: str | None = None) -> Reference:
     if shipped is not None:
         return shipped
     key = _key(scene)
-    if key not in _KEPT:
-        path = cache_home() / "references" / f"{key}.npz"
-        stored = _read(path)
-        if stored is None:
-            stored = _compute(scene)
-            _write(path, stored)
-        with _KEEPING:
-            while len(_KEPT) >= MOST_KEPT:
-                _KEPT.pop(next(iter(_KEPT)))
-            _KEPT[key] = stored
-        return stored
-    return _KEPT[key]
+    # asked for once: another thread may drop it meanwhile
+    kept = _KEPT.get(key)
+    if kept is not None:
+        return kept
+    path = cache_home() / "references" / f"{key}.npz"
+    stored = _read(path)
+    if stored is None:
+        stored = _compute(scene)
+        _write(path, stored)
+    with _KEEPING:
+        while len(_KEPT) >= MOST_KEPT:
+            _KEPT.pop(next(iter(_KEPT)))
+        _KEPT[key] = stored
+    return stored
 
 
 def _shipped(scene: Scene, instance_id: str) -> Reference | None:
@@ -118,9 +124,24 @@ def fingerprint(scene: Scene) -> str:
     return digest.hexdigest()[:16]
 
 
+# What references depend on besides the solver.
+_OWN_SOURCES = (__file__, rules.__file__, actions.__file__, viscous.__file__)
+
+
+def sources() -> str:
+    """A hash of the sources that references depend on, whatever the machine and the compiler; of
+    harmless edits too: it tells what computed a reference, not whether that is still right.
+    """
+    solver = sorted((Path(rules.__file__).parents[1] / "solver").glob("*.py"))
+    digest = hashlib.sha256()
+    for path in (*solver, *map(Path, _OWN_SOURCES)):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def _key(scene: Scene) -> str:
     digest = hashlib.sha256(source_hash().encode())
-    for source in (__file__, rules.__file__, actions.__file__):
+    for source in _OWN_SOURCES:
         digest.update(Path(source).read_bytes())
     # a name is no part of the physics
     _add_to(digest, replace(scene, name="scene"))
@@ -190,20 +211,24 @@ def _drift(error: Floats) -> Floats:
 
 
 def _run(scene: Scene, sound: float) -> Observables:
-    sim = Simulation(scene)
-    xsph = sim.nominal_controls.xsph
-    sim.controls = from_numbers(sim, COURANT, sound * scene.fluid.c0, xsph)
-    rows = [_look(sim)]
-    for _ in range(n_frames(scene)):
-        report = sim.advance(scene.frame)
-        if report.diverged:
-            raise RuntimeError(
-                f"{scene.name}: the reference run blew up at t = {sim.time:g} s ({report.cause}); "
-                "the scene isn't stable at its own nominal stiffness"
-            )
-        rows.append(_look(sim))
-    table = np.array(rows)
-    return Observables(table[:, :2], table[:, 2:4], *table[:, 4:].T)
+    # a very viscous fluid takes a shorter step than sound waves ask for
+    for courant in (COURANT, COURANT / 2):
+        sim = Simulation(scene)
+        xsph = sim.nominal_controls.xsph
+        sim.controls = from_numbers(sim, courant, sound * scene.fluid.c0, xsph)
+        rows = [_look(sim)]
+        for _ in range(n_frames(scene)):
+            report = sim.advance(scene.frame)
+            if report.diverged:
+                break
+            rows.append(_look(sim))
+        else:
+            table = np.array(rows)
+            return Observables(table[:, :2], table[:, 2:4], *table[:, 4:].T)
+    raise RuntimeError(
+        f"{scene.name}: the reference run blew up at t = {sim.time:g} s ({report.cause}); "
+        "the scene isn't stable at its own nominal stiffness"
+    )
 
 
 COLUMNS = (
@@ -218,14 +243,19 @@ def _look(sim: Simulation) -> list[float]:
 
 
 def _cfl_substeps(scene: Scene) -> float:
-    """Mean substeps a frame of the tuned rule; a smaller Courant multiple if it should blow up."""
-    for courant in (TunedCfl().courant, 0.6, 0.4, 0.25):
+    """Mean substeps a frame of the tuned rule; if it should blow up, of one with a smaller Courant
+    multiple, and if none will do, of one that is as stiff as friction asks for.
+    """
+    for stiffer, courant in itertools.product((False, True), (TunedCfl().courant, 0.6, 0.4, 0.25)):
         rule = TunedCfl(courant=courant)
         sim = Simulation(scene)
         substeps = []
         for _ in range(n_frames(scene)):
+            wanted = rule(sim)
+            if stiffer:
+                wanted = viscous.within_reach(scene, courant, wanted)
             # as an agent could play it: cut off at the ends of the action space
-            sim.controls = actions.decode(scene, actions.encode(scene, rule(sim)))
+            sim.controls = actions.decode(scene, actions.encode(scene, wanted))
             report = sim.advance(scene.frame)
             if report.diverged:
                 break

@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from sph_gym.env import actions, instances, observations, rewards
+from sph_gym.env import actions, instances, observations, rewards, viscous
 from sph_gym.env.draws import FAMILIES
 from sph_gym.env.episode import Rules
 from sph_gym.env.reference import fingerprint
@@ -51,7 +51,8 @@ class Settings:
         if isinstance(scene, Scene):
             if dx is not None or split != "nominal":
                 raise ValueError("scene: a Scene of your own has its own dx, and no instances")
-            self._own_id = f"{scene.name}/custom/{fingerprint(scene)}"
+            viscous.check("scene", scene)
+            self._own_id = f"{scene.name}/{instances.CUSTOM}/{fingerprint(scene)}"
             return
         if dx is not None:
             positive("dx", dx)
@@ -90,7 +91,9 @@ class Settings:
             return self._own_id, self._scene
         chosen = instances.parse(id_)
         known("scene of the instance", chosen.scene, self._scenes)
-        return chosen.id, chosen.build()
+        built = chosen.build()
+        viscous.check("instance", built)
+        return chosen.id, built
 
     # --- rewards and masks ------------------------------------------------------------------
 
@@ -119,10 +122,11 @@ class Settings:
 
 
 def _try(instance: instances.Instance, dx: float) -> None:
-    """Only the scene itself knows which spacings are too coarse for it."""
+    """Only the scene itself knows which spacings are too coarse for it, or too fine."""
     try:
-        instance.build()
+        built = instance.build()
     except ValueError as error:
         raise ValueError(
             f"dx: expected a spacing that {instance.scene} can be made with, got {dx:g} ({error})"
         ) from None
+    viscous.check("dx", built)

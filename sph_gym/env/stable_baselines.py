@@ -30,6 +30,7 @@ class TuningVecEnv(VecEnv):
                 "got 'vector'"
             )
         self.envs = TuningVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
+        num_envs = self.envs.num_envs
         self._actions: Any = None
         self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
         super().__init__(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sph_gym.env import rewards
 from sph_gym.env.episode import Episode
+from sph_gym.env.identity import Identity, identify
 from sph_gym.env.settings import Settings
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
@@ -44,14 +45,16 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     ## Episode
     duration / frame steps of `frame` seconds each, then truncation. A blow-up terminates, with
     the last finite state as the observation. reset(options={"instance": "dam_break/train/17"})
-    chooses an instance. `env.unwrapped.sim` is the running `Simulation`.
+    chooses an instance. `env.unwrapped.sim` is the running `Simulation`, `env.unwrapped.instance`
+    tells all about the flow (`sph_gym.env.identity`).
 
     ## Info
     Flat Python floats and two strings, each explained in `sph_gym.env.episode.INFO`; the
     entries reward_density, reward_clumping, reward_fidelity, reward_work and reward_blowup sum to
     the reward. `python -m sph_gym docs ID` prints all of this for one id, with tables.
 
-    Raises ValueError for unknown names and for actions that aren't finite and in the space.
+    Raises ValueError for unknown names, for fluids so viscous that no action asks for a step that
+    is short enough, and for actions that aren't finite and in the space.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 30}  # noqa: RUF012
@@ -182,6 +185,11 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         return self.episode.instance_id
 
     @property
+    def instance(self) -> Identity:
+        """All about that flow: what made it, with which arguments and seed, and its hash."""
+        return identify(self.episode.instance_id, self.episode.scene)
+
+    @property
     def n_steps(self) -> int:
         """Frames of the present episode."""
         return self.episode.n_steps
@@ -208,8 +216,9 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     def set_state(self, state: dict[str, Any]) -> None:
         """Go back to what `get_state` of an environment with the same arguments gave.
 
-        What follows is the same to the last bit. Raises ValueError for other states, and then
-        nothing has changed.
+        What follows is the same to the last bit. Raises ValueError that says what doesn't fit in
+        states that were damaged or are of environments with other arguments, and then nothing has
+        changed.
         """
         try:
             instance, episode, generator = (

@@ -49,14 +49,14 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         render_mode: str | None = None,
         **arguments: Any,
     ) -> None:
-        self.num_envs = whole("num_envs", num_envs, at_least=1)
+        self.num_envs = num_envs = whole("num_envs", num_envs, at_least=1)
         self.threads = None if threads is None else whole("threads", threads, at_least=1)
         if not isinstance(autoreset_mode, AutoresetMode):
             autoreset_mode = MODES[known("autoreset_mode", autoreset_mode, MODES)]
         self.autoreset_mode = autoreset_mode
         self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
         if max_episode_steps is not None:
-            whole("max_episode_steps", max_episode_steps, at_least=1)
+            max_episode_steps = whole("max_episode_steps", max_episode_steps, at_least=1)
         self.max_episode_steps = max_episode_steps
         if render_mode is not None:
             known("render_mode", render_mode, self.metadata["render_modes"])
@@ -85,7 +85,11 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Any = None
     ) -> tuple[NDArray[Any], dict[str, Any]]:
-        """Start an episode in all environments, or in those of `options["reset_mask"]`."""
+        """Start an episode in all environments, or in those of `options["reset_mask"]`.
+
+        seed: of the first environment, the others count on; or one each, None for no new one.
+        Raises ValueError for what are no seeds and no options, before anything is reset.
+        """
         if not isinstance(options, dict | None):
             raise ValueError(f"options: expected a dictionary, got {options!r}")
         options = dict(options or {})
@@ -123,11 +127,12 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if isinstance(seed, (int, np.integer)):
-            return [int(seed) + k for k in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise ValueError(f"seed: expected {self.num_envs} of them, got {len(seed)}")
-        return seed
+        if isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, str):
+            if len(seed) != self.num_envs:
+                raise ValueError(f"seed: expected {self.num_envs} of them, got {len(seed)}")
+            return [None if each is None else whole("seed", each) for each in seed]
+        first = whole("seed", seed)
+        return [first + k for k in range(self.num_envs)]
 
     # --- step -------------------------------------------------------------------------------
 

@@ -5,10 +5,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from agents import compare, evaluate, grid_search
+from agents import compare, evaluate, grid_search, report
 from agents.policies import NAMES, TRAINED, Spec, build, trained_network
 from sph_gym.controllers import Network
 from sph_gym.env import env_id
+from sph_gym.env.instances import ODD
 
 RULES = ("random", "default", "cfl", "tuned_cfl")
 
@@ -102,3 +103,47 @@ def test_intervals_hold_the_mean():
     assert low < mean < high
     assert high - low == pytest.approx(2 * 1.96 * values.std() / np.sqrt(40), rel=0.2)
     assert evaluate.interval(np.ones(5)) == (1.0, 1.0, 1.0)
+
+
+def test_a_network_that_was_trained_anew_is_another_agent(tmp_path, monkeypatch):
+    def keys(function, jobs, keys, path, title):
+        return [key["settings"] for key in keys]
+
+    monkeypatch.setattr(evaluate, "run_jobs", keys)
+    network = tmp_path / "network.npz"
+
+    def settings(content, path=network):
+        path.write_bytes(content)
+        (found,) = evaluate.evaluate(
+            [Spec("ppo", network=str(path))], "dam_break", ["dam_break/test/0"], tmp_path / "x.csv"
+        )
+        return found
+
+    first = settings(b"once")
+    assert first.startswith("network.npz sha256:")
+    assert settings(b"again") != first
+    (tmp_path / "elsewhere").mkdir()
+    assert settings(b"once", tmp_path / "elsewhere" / "network.npz") == first
+
+
+def test_shifts_are_told_apart(tmp_path, capsys):
+    arguments = evaluate.Args("relaxation", "ood", 5, tmp_path)
+    evaluate.main(Spec("default"), arguments)
+    assert "by what is out of distribution" in capsys.readouterr().out
+    runs = pd.read_csv(tmp_path / "default_relaxation_ood.csv")
+    found = evaluate.shift_table(runs)
+    assert list(found["shift"]) == list(ODD)
+    assert list(found["runs"]) == [2, 1, 1, 1]
+    returns = dict(zip(runs["instance"], runs["return"], strict=True))
+    assert found["return"][1] == pytest.approx(returns["relaxation/ood/1"])
+    text = evaluate.readable(found)
+    assert list(text.columns[:3]) == ["shift", "agent", "return"]
+    report.write_tables(found, tmp_path, "table_by_shift")
+    assert "| viscosity  | default |" in (tmp_path / "table_by_shift.md").read_text()
+    assert not len(evaluate.shift_table(runs.assign(instance="relaxation/test/0")))
+
+
+def test_the_report_says_that_shifts_are_mixed():
+    (note,) = compare._notes(compare.Args(instances="ood"), [Spec("random")])
+    assert "table_by_shift.md" in note
+    assert compare._notes(compare.Args(), [Spec("random")]) == []

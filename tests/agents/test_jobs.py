@@ -1,7 +1,10 @@
+from pathlib import Path
+
 import pandas as pd
 import pytest
 
-from agents import jobs
+import sph_gym
+from agents import evaluate, jobs, policies
 
 
 def square(x, folder):
@@ -64,3 +67,31 @@ def test_a_foreign_file_is_replaced(tmp_path, content):
     path = tmp_path / "rows.csv"
     path.write_text(content)
     assert list(run([2], tmp_path, path)["square"]) == [4]
+
+
+def test_rows_depend_on_the_package_its_manifests_and_the_agents():
+    package = Path(sph_gym.__file__).parent
+    needed = [
+        package / "env" / "rewards.py",
+        package / "env" / "manifests" / "dam_break.json",
+        package / "env" / "manifests" / "dam_break.npz",
+        Path(policies.__file__),
+        Path(evaluate.__file__),
+    ]
+    assert set(needed) <= set(jobs.sources())
+
+
+def test_a_change_of_any_source_runs_all_again(tmp_path, monkeypatch):
+    path, source = tmp_path / "rows.csv", tmp_path / "dam_break.json"
+    source.write_text("as it was")
+    monkeypatch.setattr(jobs, "sources", lambda: [source])
+    try:
+        jobs.code_version.cache_clear()
+        run([1], tmp_path, path)
+        clear(tmp_path)
+        source.write_text("as it is")
+        jobs.code_version.cache_clear()
+        run([1], tmp_path, path)
+    finally:
+        jobs.code_version.cache_clear()
+    assert ran(tmp_path) == [1]

@@ -1,9 +1,14 @@
+import json
+
 import numpy as np
 import pytest
 
 import sph_gym  # noqa: F401
 from agents.policies import Spec, build
+from sph_gym import scenes
+from sph_gym.env import manifest
 from sph_gym.env.dataset import record
+from sph_gym.env.reference import fingerprint
 from sph_gym.env.rewards import TERMS
 
 minari = pytest.importorskip("minari")
@@ -92,3 +97,26 @@ def test_what_cannot_be_written_is_refused_before_playing():
     record(ID, random_agent(), 1, NAME, INSTANCES, arguments=ARGUMENTS)
     with pytest.raises(ValueError, match="exists"):
         record(ID, never, 1, NAME, INSTANCES)
+
+
+def test_a_dataset_tells_what_made_its_flows():
+    instances = ["drop_impact/ood/1", "drop_impact/ood/1/dx=0.08"]
+    record(ID, random_agent(), 2, NAME, instances)
+    data = minari.load_dataset(NAME)
+    assert data.storage.metadata["manifest_version"] == manifest.VERSION
+    listed, coarse = (
+        json.loads(about["instance"]) for about in data.storage.get_episode_metadata([0, 1])
+    )
+    assert listed["fingerprint"] == manifest.entry(instances[0]).fingerprint
+    assert listed["arguments"] == manifest.entry(instances[0]).drawn.arguments
+    assert (listed["manifest"], coarse["manifest"]) == (manifest.VERSION, "")
+    assert listed["shift"] == coarse["shift"] == "strength"
+    assert scenes.make(coarse["builder"], **coarse["arguments"]).dx == 0.08
+
+
+def test_a_scene_of_ones_own_is_told_by_its_fingerprint_and_not_recovered():
+    scene = scenes.make("drop_impact", dx=0.08)
+    with pytest.warns(UserWarning, match="not be able to recover"):
+        data = record("sph_gym/Custom-v0", random_agent(), 1, NAME, arguments={"scene": scene})
+    (about,) = data.storage.get_episode_metadata([0])
+    assert json.loads(about["instance"])["fingerprint"] == fingerprint(scene)

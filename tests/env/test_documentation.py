@@ -1,5 +1,6 @@
 import inspect
 import re
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 
 import sph_gym
 from sph_gym.__main__ import main
-from sph_gym.env import actions, documentation, instances, registration, rewards
+from sph_gym.env import actions, documentation, instances, labels, registration, rewards
 from sph_gym.env.documentation.markdown import listed, table
 from sph_gym.env.episode import INFO
+from sph_gym.env.identity import Identity
 from sph_gym.env.vector import TuningVectorEnv
 
 IDS = documentation.ids()
@@ -76,7 +78,7 @@ def test_the_index_is_one_table_with_a_row_an_id():
     lines = documentation.index().splitlines()
     assert len(lines) == len(IDS) + 2
     assert all(line.startswith("| ") and line.endswith(" |") for line in lines)
-    assert all(len(row) == 2 for row in rows(documentation.index()))
+    assert all(len(row) == 3 for row in rows(documentation.index()))
     assert table(["a"], [["one\n\ntwo"]]).splitlines()[2] == "| one two |"
 
 
@@ -84,10 +86,34 @@ def test_the_index_is_one_table_with_a_row_an_id():
 def test_labels_are_told_with_their_reasons(id_):
     told = {row[0].strip("`"): row[1:] for row in under(section(id_, "Description"), "Scene")}
     assert set(told) == set(documentation.subject(id_).scenes)
-    for scene, (label, reason) in told.items():
+    for scene, (label, reason, headroom) in told.items():
         game = scene not in instances.DIAGNOSTIC
-        assert label == ("benchmark" if game else "diagnostic")
+        assert label.split(",")[0] == ("benchmark" if game else "diagnostic")
+        assert label == labels.label(scene)
         assert reason == (instances.BENCHMARK if game else instances.DIAGNOSTIC[scene])
+        assert headroom == labels.headroom(scene)
+    assert all(f"- *{name}*:" in PAGES[id_] for name in labels.MEANINGS) == bool(told)
+
+
+def test_the_readme_has_the_labels_of_the_pages():
+    text = (Path(__file__).parents[2] / "README.md").read_text()
+    # of a scene of one's own nothing is known
+    told = {row[0].strip("`"): row[2] if row[2:] else "" for row in under(text, "id")}
+    assert set(told) == set(IDS)
+    for id_, label in told.items():
+        assert label.split(":")[0] == documentation.subject(id_).label.split(",")[0]
+    assert told["sph_gym/Relaxation-v0"].startswith("diagnostic")
+
+
+def test_the_pages_say_what_ood_shows_and_what_nothing_judges():
+    page = PAGES["sph_gym/DamBreak-v0"]
+    shifts = {row[0]: row[1] for row in under(page, r"NUMBER % 4")}
+    for number in range(8):
+        shown = instances.shift(f"dam_break/ood/{number}")
+        assert shifts[str(number % 4)] == f'`"{shown}"`'
+    fields = [row[0].strip("`") for row in under(page, "Field")]
+    assert fields == list(Identity._fields)
+    assert "front that it holds besides are judged by nothing" in page
 
 
 @each_page

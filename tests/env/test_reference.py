@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import sph_gym
 from sph_gym import scenes
-from sph_gym.env import instances
+from sph_gym.env import instances, viscous
 from sph_gym.env import reference as module
 from sph_gym.env.reference import fingerprint, n_frames, reference
 
@@ -85,3 +86,96 @@ def test_shipped_references_serve_only_the_scene_that_they_belong_to(store, monk
     other = instances.instance("hydrostatic_tank", "val", 3, dx=0.05)
     assert reference(other.build(), other.id) == "computed"
     assert reference(SCENE, "nowhere/custom/0") == "computed"
+
+
+def test_another_thread_may_drop_what_was_just_found(store, monkeypatch):
+    class Fleeting(dict):
+        """Loses everything as soon as somebody asks whether it is there."""
+
+        def __contains__(self, key):
+            found = super().__contains__(key)
+            self.clear()
+            return found
+
+    kept = Fleeting({module._key(SCENE): "kept"})
+    monkeypatch.setattr(module, "_KEPT", kept)
+    assert reference(SCENE) == "kept"
+
+
+# --- Viscous fluids -------------------------------------------------------------------------
+
+# Every built-in scene that names a laminar viscosity, coarse and for a few frames.
+VISCOUS = {
+    "relaxation": {"dx": 0.012},
+    "droplet": {"dx": 0.05},
+    "poiseuille": {"dx": 0.05},
+    "couette": {"dx": 0.05},
+    "lid_driven_cavity": {"dx": 0.05},
+    "taylor_green": {"dx": 0.05},
+}
+
+
+def cut(scene, n):
+    return replace(scene, duration=n * scene.frame)
+
+
+def test_these_are_all_viscous_scenes():
+    named = {
+        name for name in scenes.names()
+        if scenes.make(name, **VISCOUS.get(name, {})).effects.laminar_viscosity
+    }  # fmt: skip
+    assert named == set(VISCOUS)
+
+
+@pytest.mark.parametrize("name", VISCOUS)
+def test_viscous_scenes_can_be_tuned(store, name):
+    scene = cut(scenes.make(name, **VISCOUS[name]), 12)
+    env = sph_gym.TuningEnv(scene)
+    env.reset(seed=0)
+    # the shortest step of the stiffest fluid
+    for _ in range(env.n_steps):
+        *_, truncated, info = env.step(np.array([-1.0, 1.0, 0.0]))
+    assert truncated
+    assert info["blowup"] == 0.0
+    assert 0 < info["work"] < 10
+
+
+def test_a_viscous_environment_can_be_made_finer(store):
+    env = sph_gym.TuningEnv("relaxation", dx=0.012)
+    env.reset(seed=0)
+    # friction limits the step, dx^2 / nu
+    coarse = reference(scenes.make("relaxation", dx=0.025)).cfl_substeps
+    assert env.episode.reference.cfl_substeps > 2 * coarse
+
+
+def test_the_rule_is_as_stiff_as_friction_asks_for_and_no_stiffer():
+    scene = scenes.make("relaxation", dx=0.012)
+    h, c0, share = scene.h, scene.fluid.c0, scene.viscous_share
+    for c in (0.4 * c0, c0):
+        rate = c / (0.8 * h) + scene.effects.laminar_viscosity / (share * h * h)
+        wanted = sph_gym.Controls(1 / rate, scene.fluid.stiffness(c), 0.3)
+        found = viscous.within_reach(scene, 0.8, wanted)
+        reached = scene.fluid.sound_speed(found.stiffness)
+        rate = reached / (0.8 * h) + scene.effects.laminar_viscosity / (share * h * h)
+        assert found.dt == pytest.approx(1 / rate)
+        assert reached >= c
+        assert found.dt * reached / h >= 0.2 - 1e-12
+        assert (found == wanted) == (wanted.dt * c / h >= 0.2)
+
+
+@pytest.mark.parametrize("dx", [0.006, 0.003])
+def test_a_fluid_that_takes_no_step_of_the_action_space_is_refused_at_the_door(dx):
+    with pytest.raises(ValueError, match=r"dx: .* viscosity limits the step"):
+        sph_gym.TuningEnv("relaxation", dx=dx)
+    with pytest.raises(ValueError, match=r"scene: .* viscosity limits the step"):
+        sph_gym.TuningEnv(scenes.make("relaxation", dx=dx))
+    env = sph_gym.TuningEnv("relaxation")
+    with pytest.raises(ValueError, match=r"instance: .* viscosity limits the step"):
+        env.reset(options={"instance": f"relaxation/nominal/0/dx={dx}"})
+
+
+def test_the_finest_spacing_that_is_let_in_has_a_reference():
+    scene = cut(scenes.make("relaxation", dx=0.0068), 4)
+    sph_gym.TuningEnv(scene)
+    assert module._cfl_substeps(scene) > 0
+    assert np.isfinite(module._run(scene, 1.0).kinetic).all()

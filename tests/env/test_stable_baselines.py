@@ -79,3 +79,8 @@ def test_vector_rewards_are_refused():
         TuningVecEnv(2, **ARGUMENTS, reward="vector")
     with pytest.raises(ValueError, match="reward: expected one of scalar, vector, got 'tensor'"):
         TuningVecEnv(2, **ARGUMENTS, reward="tensor")
+
+
+def test_the_number_of_environments_may_be_written_as_a_float():
+    envs = TuningVecEnv(2.0, **ARGUMENTS)
+    assert envs.num_envs == len(envs.reset()) == 2

@@ -12,6 +12,7 @@ from sph_gym import scenes
 from sph_gym.env import SCENES, env_id, rewards, scene_of
 from sph_gym.env.episode import INFO
 from sph_gym.env.reference import fingerprint
+from sph_gym.studies import witness
 
 IDS = [env_id(scene) for scene in SCENES]
 FLOATS = [name for name, (unit, _) in INFO.items() if unit != "text"]
@@ -253,7 +254,7 @@ def test_a_rollback_pays_and_goes_back_to_where_the_step_began():
     assert (info["rollbacks"], info["blowup_cause"] != "") == (1.0, True)
     assert observation[-1] == pytest.approx(1 / 3)
     after = env.sim.snapshot()
-    assert after["time"] == before["time"]
+    assert after["time"] == before["time"] < info["time"] == info["time_to_failure"]
     assert all(np.array_equal(after["fluid"][k], before["fluid"][k]) for k in before["fluid"])
     # a careful step goes on from there, and the count begins anew
     observation, *_, info = env.step(np.array([-0.8, 0.6, 0.0], np.float32))
@@ -347,6 +348,98 @@ def test_a_state_that_does_not_fit_changes_nothing(env, part):
         assert after["episode"]["info"] == before["episode"]["info"]
         assert after["episode"]["simulation"]["time"] == before["episode"]["simulation"]["time"]
         assert env.sim.time == before["episode"]["simulation"]["time"]
+
+
+def infos(**changes):
+    return lambda state: {**state["info"], **changes}
+
+
+WRONG_PARTS = [
+    ("coordinates", [9, 9]), ("coordinates", [9.0, 0.0, 0.0]), ("coordinates", [np.nan] * 3),
+    ("coordinates", None), ("step", 10**6), ("step", -1), ("step", 1.5), ("step", "2"),
+    ("step", 1), ("past", []), ("past", [[0.0] * 5]), ("past", [[0.0] * 4] * 3), ("past", None),
+    ("past", [[np.nan] * 5] * 3), ("report", None), ("report", (1, 2)),
+    ("report", (3, 1e-3, False, "luck", "", -1)), ("report", (-3, 1e-3, False, "", "", -1)),
+    ("report", (3, 0.0, False, "", "", -1)), ("report", (3, 1e-3, 0, "", "", -1)),
+    ("over", True), ("over", 0), ("setbacks", 1), ("setbacks", -1), ("control_work", np.inf),
+    ("control_work", None), ("before", {}), ("numbers", None),
+    ("numbers", lambda state: {**state["numbers"], "mach": np.nan}), ("info", {}),
+    ("info", infos(work="much")), ("info", infos(blowup_cause=1.0)), ("info", infos(luck=1.0)),
+    ("info", infos(instance_id="dam_break/val/3")), ("rules", {}), ("rules", None),
+    ("simulation", None), ("simulation", {}),
+    ("simulation", lambda state: {**state["simulation"], "time": 9.0}),
+    ("simulation", lambda state: {**state["simulation"], "totals": None}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("part", "value"), WRONG_PARTS, ids=[f"{k}-{part}" for k, (part, _) in enumerate(WRONG_PARTS)]
+)
+def test_what_is_wrong_in_a_state_is_named_and_nothing_changes(env, part, value):
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(GENTLE)
+    state = env.get_state()
+    env.step(GENTLE)
+    before = env.get_state()
+    episode = state["episode"]
+    wrong = {**episode, part: value(episode) if callable(value) else value}
+    # a clock and the steps, or their number and the past, may each be to blame
+    blamed = {"step": "step|past", "simulation": "snapshot|simulation|step", "info": "info|inst"}
+    with pytest.raises(ValueError, match=f"state: .*({blamed.get(part, part)})"):
+        env.set_state({**state, "episode": wrong})
+    assert witness.same(env.get_state(), before)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"action_mode": "delta"}, {"on_blowup": "rollback"}, {"observation": "field"},
+        {"rate_limit": 2.0}, {"reward_weights": {"work": 2.0}}, {"tolerances": {"spread": 1.0}},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_states_of_environments_with_other_rules_are_refused(env, other):
+    theirs = sph_gym.TuningEnv("dam_break", **COARSE, **other)
+    (name,) = other
+    for one, two in ((env, theirs), (theirs, env)):
+        one.reset(seed=0)
+        two.reset(seed=1)
+        before = two.get_state()
+        with pytest.raises(ValueError, match=f"state: of an environment with {name} = "):
+            two.set_state(one.get_state())
+        assert witness.same(two.get_state(), before)
+
+
+def test_a_state_is_made_of_plain_arrays_numbers_and_texts(env):
+    def look_at(value):
+        if isinstance(value, dict):
+            assert all(type(key) is str for key in value)
+            for each in value.values():
+                look_at(each)
+        elif type(value) in (list, tuple):
+            for each in value:
+                look_at(each)
+        else:
+            assert type(value) in (np.ndarray, int, float, bool, str, type(None)), value
+
+    env.reset(seed=0)
+    env.step(GENTLE)
+    look_at(env.get_state()["episode"])
+
+
+@pytest.mark.parametrize("on_blowup", ["terminate", "rollback"])
+def test_every_state_of_an_episode_can_be_taken_back(on_blowup):
+    made = sph_gym.TuningEnv(**TANK, on_blowup=on_blowup)
+    made.reset(seed=0)
+    blowups = 0.0
+    while not made.episode.over:
+        *_, info = made.step(RECKLESS)
+        blowups += info["blowup"]
+        state = made.get_state()
+        made.set_state(state)
+        assert witness.same(made.get_state(), state)
+    assert blowups == (4 if on_blowup == "rollback" else 1)
 
 
 @pytest.mark.parametrize("arguments", [{"scene": "dam_break"}, {"scene": "mixed"}], ids=str)

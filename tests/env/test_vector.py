@@ -125,7 +125,8 @@ def test_pictures_of_all():
 @pytest.mark.parametrize(
     "arguments",
     [{"num_envs": 0}, {"threads": 0}, {"autoreset_mode": "never"}, {"max_episode_steps": 0},
-     {"render_mode": "human"}, {"dx": -1.0}],
+     {"render_mode": "human"}, {"dx": -1.0}, {"num_envs": 2.5}, {"num_envs": "2"},
+     {"max_episode_steps": 2.5}],
     ids=str,
 )  # fmt: skip
 def test_wrong_arguments_are_refused(arguments):
@@ -156,3 +157,28 @@ def test_the_first_reset_is_of_all():
         envs.reset(seed=0, options={"reset_mask": np.array([False, True, False])})
     # and nothing has moved
     assert all(observation is None for observation in envs.observations)
+
+
+def test_whole_numbers_may_be_written_as_floats():
+    envs = TuningVectorEnv(2.0, scene="drop_impact", max_episode_steps=3.0, **ARGUMENTS)
+    assert envs.reset(seed=4.0)[0].shape == envs.observation_space.shape == (2, 20)
+    assert type(envs.num_envs) is type(envs.max_episode_steps) is int
+    assert envs.np_random_seed == (4, 5)
+
+
+@pytest.mark.parametrize("seed", [1.5, "12", -1, [0, 1.5], [0], {}, [0, -1], np.float64(0.5)])
+def test_wrong_seeds_are_refused_and_nothing_is_reset(seed):
+    envs = TuningVectorEnv(2, scene="drop_impact", **ARGUMENTS)
+    with pytest.raises(ValueError, match="seed: expected"):
+        envs.reset(seed=seed)
+    assert envs.observations == [None, None]
+
+
+def test_seeds_may_come_from_numpy_and_one_by_one():
+    envs = TuningVectorEnv(2, scene="drop_impact", **ARGUMENTS)
+    envs.reset(seed=np.int64(3))
+    assert envs.np_random_seed == (3, 4)
+    envs.reset(seed=np.array([7, 5]))
+    assert envs.np_random_seed == (7, 5)
+    envs.reset(seed=[None, 6])
+    assert envs.np_random_seed == (7, 6)

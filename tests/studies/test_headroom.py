@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from sph_gym import studies
+from sph_gym.env import labels
 from sph_gym.env.oracle import COARSE
 from sph_gym.studies import headroom
 from sph_gym.studies.episodes import Episode, Grid, best_static, kept, run
@@ -187,3 +188,18 @@ def test_the_table_says_why_a_scene_is_no_benchmark(name, tmp_path, monkeypatch,
     assert headroom.instances.DIAGNOSTIC["relaxation"] in out
     assert headroom.instances.DIAGNOSTIC["hydrostatic_tank"] not in out
     assert ("headroom_instances.csv" in out) == (name == "headroom")
+
+
+def test_labels_are_written_for_the_pages(tmp_path, monkeypatch):
+    good, small, none = [contest()], [contest(149)], [contest(beyond=0.06)]
+    found = {"dam_break": good, "sloshing": small, "long_fall": none, "relaxation": none}
+    rows = [row for scene, each in found.items() for row in headroom.rows(scene, each)]
+    monkeypatch.setitem(studies._STUDIES, "headroom", lambda quick, folder: rows)
+    studies.run_study("headroom", folder=tmp_path)
+    told = labels.measured(tmp_path / "headroom_labels.csv")
+    assert told == {
+        "dam_break": (3.0, "benchmark"),
+        "sloshing": (1.49, "benchmark, small headroom"),
+        "long_fall": (None, "benchmark, unknown headroom"),
+        "relaxation": (None, "diagnostic"),
+    }

@@ -13,7 +13,7 @@ from sph_gym.env.registration import SCENES
 from sph_gym.solver.checks import known
 
 PREFIX = "sph_gym/"
-HEADINGS = ("id", "what happens")
+HEADINGS = ("id", "what happens", "label")
 
 
 def ids() -> list[str]:
@@ -37,7 +37,12 @@ def page(id_: str) -> str:
 
 def index() -> str:
     """All ids and what they show, as Markdown."""
-    return table(HEADINGS, [(f"`{id_}`", subject(id_).summary) for id_ in ids()])
+    return table(HEADINGS, [(f"`{id_}`", *_told(id_)) for id_ in ids()])
+
+
+def _told(id_: str) -> tuple[str, str]:
+    about = subject(id_)
+    return about.summary, about.label
 
 
 def write(folder: str | Path, chosen: Sequence[str] | None = None) -> list[Path]:
@@ -48,7 +53,7 @@ def write(folder: str | Path, chosen: Sequence[str] | None = None) -> list[Path]
     place = Path(folder)
     names = {id_: f"{id_.removeprefix(PREFIX)}.md" for id_ in chosen or ids()}
     texts = {name: page(id_) for id_, name in names.items()}
-    rows = [(f"[{id_}]({name})", subject(id_).summary) for id_, name in names.items()]
+    rows = [(f"[{id_}]({name})", *_told(id_)) for id_, name in names.items()]
     texts["README.md"] = f"# Environments\n\n{table(HEADINGS, rows)}\n"
     place.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():

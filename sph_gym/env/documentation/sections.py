@@ -5,11 +5,21 @@ from collections.abc import Callable
 from typing import Any
 
 from sph_gym import scenes
-from sph_gym.env import actions, episode, instances, observations, rewards, settings
+from sph_gym.env import (
+    actions,
+    episode,
+    instances,
+    labels,
+    manifest,
+    observations,
+    rewards,
+    settings,
+)
 from sph_gym.env.documentation.markdown import listed, prose, span, table
 from sph_gym.env.documentation.spaces import action_space, limits, observation_space
 from sph_gym.env.documentation.subject import Subject, built
-from sph_gym.env.draws import FAMILIES
+from sph_gym.env.draws import FAMILIES, SHIFTS
+from sph_gym.env.identity import Identity
 from sph_gym.env.reference import TWIN_SOUND, WINDOW, n_frames
 from sph_gym.env.registration import HISTORY
 from sph_gym.env.tuning import TuningEnv
@@ -47,10 +57,26 @@ def _description(about: Subject) -> str:
     for name in about.scenes:
         builder = FAMILIES[name].builder
         parts.append(f"`{builder}`: {scenes.description(builder)[1]}")
-    labels = [(f"`{name}`", instances.label(name), instances.why(name)) for name in about.scenes]
-    if labels:
-        parts.append(table(["Scene", "Label", "Why"], labels))
+    if about.scenes:
+        parts.append(_labels(about))
     return "\n\n".join(parts)
+
+
+def _labels(about: Subject) -> str:
+    """What the scenes are good for, and how much there is to gain."""
+    rows = [
+        (f"`{name}`", labels.label(name), instances.why(name), labels.headroom(name))
+        for name in about.scenes
+    ]
+    meanings = [f"- *{name}*: {meaning}" for name, meaning in labels.MEANINGS.items()]
+    return "\n\n".join(
+        [
+            table(["Scene", "Label", "Why", "Headroom"], rows),
+            "\n".join(meanings),
+            "Headroom is how much less the look-ahead oracle works than the best static setting, "
+            "both within tolerance (`python -m sph_gym study headroom`).",
+        ]
+    )
 
 
 def _rewards(about: Subject) -> str:
@@ -90,7 +116,8 @@ def _rewards(about: Subject) -> str:
             ),
             "The reference is a fine run of the same instance at nominal stiffness; its twins, a "
             f"run at {TWIN_SOUND} c0 and one with jittered particles, tell how far equally good "
-            "runs differ.",
+            "runs differ. All of it is `env.unwrapped.episode.reference`; the potential energy and "
+            "the front that it holds besides are judged by nothing, and are there to be drawn.",
         ]
     )
 
@@ -117,10 +144,21 @@ def _starting_state(about: Subject) -> str:
     sizes = [(f'`"{split}"`', size, instances.PURPOSES[split])
              for split, size in instances.SIZES.items()]  # fmt: skip
     parts = [start, choice, table(["`instances`", "Flows of a scene", "Purpose"], sizes)]
+    shifts = [(k, f'`"{shift}"`', instances.ODD[shift]) for k, shift in enumerate(SHIFTS)]
+    parts += [
+        'The number of an instance of "ood" says what is out of distribution:',
+        table([f"NUMBER % {len(SHIFTS)}", "`shift`", "Meaning"], shifts),
+        "`env.unwrapped.instance` tells all about the present flow:",
+        table(["Field", "Meaning"], [(f"`{k}`", what) for k, what in _identity().items()]),
+    ]
     for name in about.scenes:
         headings = [f"`{name}`", *instances.SIZES]
         parts += [f"Ranges of what `{name}` is made with:", table(headings, _drawn(name))]
     return "\n\n".join(parts)
+
+
+def _identity() -> dict[str, str]:
+    return listed(Identity.__doc__)
 
 
 def _drawn(name: str) -> list[list[str]]:
@@ -159,7 +197,12 @@ def _episode_end(about: Subject) -> str:
 
 def _information(about: Subject) -> str:
     rows = [(f"`{key}`", unit, meaning) for key, (unit, meaning) in episode.INFO.items()]
-    return table(["Key", "Unit", "Meaning"], rows)
+    text = prose("""
+        `info` has the same entries after a reset and after every step. In a step that is taken
+        back, they tell of what blew up and what it cost, while the observation is of the state to
+        go on from.
+    """)
+    return "\n\n".join([text, table(["Key", "Unit", "Meaning"], rows)])
 
 
 def defaults(function: Callable[..., Any]) -> dict[str, Any]:
@@ -190,7 +233,13 @@ same episodes to the last bit, side by side on threads. It takes the arguments a
 
 
 def _history(about: Subject) -> str:
-    return "\n".join(f"- {version}: {what}" for version, what in HISTORY.items())
+    versions = "\n".join(f"- {version}: {what}" for version, what in HISTORY.items())
+    if not about.scenes:
+        return versions
+    return (
+        f"{versions}\n\nThe ids of instances mean what the manifests {manifest.VERSION} say; "
+        "`env.unwrapped.instance.manifest` tells whether the present flow is listed there."
+    )
 
 
 SECTIONS: dict[str, Callable[[Subject], str]] = {

@@ -4,7 +4,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from sph_gym import scenes
-from sph_gym.env import instances, settings
+from sph_gym.env import instances, labels, settings
 from sph_gym.env.draws import FAMILIES
 
 
@@ -23,6 +23,12 @@ class Subject(NamedTuple):
     def summary(self) -> str:
         """What happens, in a sentence."""
         return " ".join(self.story.split("\n\n")[0].split())
+
+    @property
+    def label(self) -> str:
+        """What it is good for; empty for a scene of one's own, of which nothing is known."""
+        told = dict.fromkeys(instances.label(name) for name in self.scenes)
+        return labels.label(self.scenes[0]) if len(self.scenes) == 1 else " and ".join(told)
 
     @property
     def story(self) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from sph_gym.solver import engine, teams
 from sph_gym.solver.diagnostics import Ledger
 from sph_gym.solver.kernels import ALL_KERNELS, density_kernel
+from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.walls import Walls
 
@@ -159,7 +160,21 @@ def run_gap(twin: Twin, advance: Advance, frames: int) -> float:
             if advance(sim).diverged:
                 break
         ends.append(sim.diagnostics())
-    (one, other), scene = ends, sim.scene
+    return _observable_gap(sim.scene, ends)
+
+
+def moved_gap(scene: Scene, sim: Simulation, other_scene: Scene, other: Simulation) -> float:
+    """The same of two simulations, each seen from the middle of where it began."""
+    ends = []
+    for began, each in ((scene, sim), (other_scene, other)):
+        numbers, middle = each.diagnostics(), np.asarray(began.x).mean(axis=0)
+        shift = {"com_x": numbers["com_x"] - middle[0], "com_y": numbers["com_y"] - middle[1]}
+        ends.append(numbers | shift)
+    return _observable_gap(scene, ends)
+
+
+def _observable_gap(scene: Scene, ends: Sequence[dict[str, float]]) -> float:
+    one, other = ends
     lengths = [abs(one[name] - other[name]) / scene.dx for name in LENGTHS]
     least = 0.5 * 1e-4 * scene.fluid.c0**2 * scene.fluid.rho0 * scene.dx**2
     energies = [each["kinetic_energy"] for each in ends]

@@ -27,7 +27,7 @@ NONE = 1e-12
 # Where float32 has but four digits left for a place in a body [m].
 AWAY = (1e4, -1e4)
 # How far apart, in dx and of the energy, two runs of the same scene may be that round otherwise.
-ROUNDED = 0.02
+ROUNDED = 0.05
 # Of ways without a force, what must be as it should; in float32 the slowest lose most.
 STRAIGHT = 0.99
 # Substeps at the acoustic limit that make a frame.
@@ -172,8 +172,11 @@ def cases() -> Iterator[Case]:
     yield from loose()
     yield from endless()
     body = partial(Case, dx=DX, conserves=True, quick=40)
-    # the mean gains 2.8 % and the densest hundredth 10 % when it snaps back
-    yield body("stretched sheet", stretched, grew(0.2, 0.2), gain=0.05, p99=0.15, least=0.9)
+    # under tension particles clump, the densest hundredth by 10 %, of which kernels that are no
+    # pair make energy
+    yield body(
+        "stretched sheet", stretched, grew(0.2, 0.2), p99=0.12, least=0.9, unmatched_rise=0.5
+    )
     turns = partial(body, dx=0.05, kernel="cubic_spline")
     yield turns(
         "rotating square, under tension", partial(rotating, clamp=False), rotated(0.8, 0.3),
@@ -181,7 +184,7 @@ def cases() -> Iterator[Case]:
     )  # fmt: skip
     # nothing holds it together
     yield turns(
-        "rotating square, clamped", partial(rotating, clamp=True), rotated(0.8, 0.3),
+        "rotating square, clamped", partial(rotating, clamp=True), rotated(0.7, 0.3),
         density=NONE, p99=NONE,
     )  # fmt: skip
     # a body that is stopped from v is compressed by v / c, as in a water hammer: here a tenth
@@ -189,8 +192,8 @@ def cases() -> Iterator[Case]:
     together = meet("colliding patches", patches, turned(0.7, 0.7))
     yield together
     yield meet(
-        "far from the origin", far_away, turned(0.7, 0.7), twin=together, alike=ROUNDED,
-        dtype="float32",
+        "far from the origin", far_away, turned(0.7, 0.7), alike=ROUNDED, dtype="float32",
+        twin=together._replace(dtype="float32"),
     )  # fmt: skip
 
 
@@ -206,7 +209,7 @@ def squeezed() -> Iterator[Case]:
     yield body("random places", random_places, grew(10.0, 3.0), burst=PARTED, unmatched=0.45)
     yield body("overlapping bodies", overlapping, grew(10.0, 3.0), burst=PARTED)
     yield burst("clumped start", clumped, grew(100.0, 30.0))
-    # four frames are enough to fly 300 times as far as it was wide
+    # three frames are enough to fly 300 times as far as it was wide
     jump = partial(burst, quick=3, unmatched=0.28)
     yield jump("density jump of 10", density_jump, grew(100.0, 30.0))
 

@@ -27,7 +27,11 @@ def is_finite(sim: Simulation) -> bool:
 
 
 def is_silent(sim: Simulation, report: Report) -> bool:
-    """Whether something went wrong without a word, or a blow-up without its story."""
+    """Whether something went wrong without a word, or a blow-up without its story.
+
+    By the contract's own numbers. A run that stays within them isn't excused by that: `report`
+    holds its energy, its densities and its walls to the bounds of the case.
+    """
     if not is_finite(sim):
         return True
     if report.diverged:

@@ -173,7 +173,8 @@ class _Run:
         """What of it differs from the case that it must be like."""
         if self.case.twin is None:
             return Outcome()
-        other = _Run(self.case.twin, self.variant, self.size, self.quick)
+        twin = self.case.twin._replace(frames=self.case.frames, quick=self.case.quick)
+        other = _Run(twin, self.variant, self.size, self.quick)
         close = max(other._look(other.advance(other.sim), k).clumping for k in range(self.frames))
         gap = checks.moved_gap(self.scene, self.sim, other.scene, other.sim)
         return Outcome(unlike=gap, clumped=clumping - close)

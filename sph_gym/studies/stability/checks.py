@@ -121,14 +121,15 @@ def sample_gap(sim: Simulation) -> float:
     Its neighbours' densities, which its acceleration depends on, need no more.
     """
     sim.evaluate()
-    x, v = (np.asarray(a, np.float64) for a in (sim.x, sim.v))
+    # as the engine counts them: far from its origin, float32 would have no digits for the rest
+    x, v = (np.asarray(a, np.float64) for a in (sim._places, sim.v))
     rng = np.random.default_rng(0)
     chosen = rng.choice(sim.n_fluid, min(SAMPLE, sim.n_fluid), replace=False)
     return greatest([_patch_gap(sim, x, v, int(i)) for i in chosen])
 
 
 def _patch_gap(sim: Simulation, x: Any, v: Any, i: int) -> float:
-    scene, n = sim.scene, sim.n_fluid
+    scene, n = sim._local, sim.n_fluid
     near = np.hypot(*(x - x[i]).T) < 2.001 * scene.h
     fluid, wall = near[:n], x[n:][near[n:]]
     walls = Walls(wall) if len(wall) else None

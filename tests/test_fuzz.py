@@ -2,11 +2,14 @@
 
 import math
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import partial
 
+import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from gymnasium.vector import AutoresetMode
+from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
 from sph_gym import (
@@ -24,8 +27,14 @@ from sph_gym import (
     TuningEnv,
     Walls,
 )
+from sph_gym.env import reference
+from sph_gym.env.stable_baselines import TuningVecEnv
+from sph_gym.env.vector import TuningVectorEnv
+from sph_gym.solver.geometry import lattice
+from sph_gym.solver.integrators import INTEGRATORS
+from sph_gym.solver.kernels import ALL_KERNELS
 from sph_gym.studies.stability.checks import is_finite, is_silent
-from tests.cases import ALL_EFFECTS, CONFIGURATIONS, WALLS, WATER
+from tests.cases import ALL_EFFECTS, CONFIGURATIONS, WALLS, WATER, uncompiled
 
 # An argument, then ": expected ..." or another sentence that says what was wrong.
 CLEAR = re.compile(r"^[a-z][\w .\[\]/()=-]*: ", re.IGNORECASE)
@@ -209,20 +218,118 @@ def test_any_scene_and_controls_run_or_are_reported(configuration, dtype):
         st.integers(1, 20),
     )
     def check(scene, dt, stiffness, xsph, steps):
-        sim = Simulation(scene, dtype, threads=1)
-        nominal = sim.nominal_controls
-        sim.controls = Controls(10**dt * nominal.dt, 10**stiffness * nominal.stiffness, xsph)
-        for _ in range(2):
-            report = sim.advance(steps * sim.controls.dt)
-            assert 1 <= report.n_substeps <= steps
-            assert is_finite(sim)
-            assert not is_silent(sim, report)
-            assert sim.restore(sim.snapshot()) is None
-            numbers = sim.diagnostics()
-            wrong = [name for name, value in numbers.items() if not math.isfinite(value)]
-            assert set(wrong) <= {"min_spacing", "median_spacing"}
+        run_twice(Simulation(scene, dtype, threads=1), dt, stiffness, xsph, steps)
 
     check()
+
+
+def run_twice(sim, dt, stiffness, xsph, steps):
+    """Some steps with controls that are so many orders from the nominal ones, twice."""
+    nominal = sim.nominal_controls
+    sim.controls = Controls(10**dt * nominal.dt, 10**stiffness * nominal.stiffness, xsph)
+    for _ in range(2):
+        report = sim.advance(steps * sim.controls.dt)
+        assert 1 <= report.n_substeps <= steps
+        assert is_finite(sim)
+        assert not is_silent(sim, report)
+        assert sim.restore(sim.snapshot()) is None
+        numbers = sim.diagnostics()
+        wrong = [name for name, value in numbers.items() if not math.isfinite(value)]
+        assert set(wrong) <= {"min_spacing", "median_spacing"}
+
+
+# --- All that a scene may name, uncompiled: every combination would cost a compilation --------
+
+maybe = st.one_of(st.none(), st.floats(0.0, 2.0))
+PERIODS = ("period_x", "period_y")
+
+
+@st.composite
+def any_walls(draw, dx):
+    """Walls of any kinds in a room of 20 dx, or none, or what is refused."""
+    kinds = draw(st.sets(st.sampled_from(["particles", "box", "plates", "motion", *PERIODS])))
+    low, high = -10 * dx, 10 * dx
+    parts = {name: (low, high) for name in PERIODS if name in kinds}
+    if "particles" in kinds:
+        parts["particles"] = lattice(low, high, low + 2 * dx, low + 4 * dx, 2 * dx)
+        parts["pressure"] = draw(st.sampled_from(["like fluid", "extrapolated"]))
+        parts["slip"] = draw(st.sampled_from(["no-slip", "free-slip"]))
+        parts["velocity"] = draw(st.sampled_from([None, (1.0, 0.0), (0.0, 0.5)]))
+    if "box" in kinds:
+        sides = [(-math.inf, math.inf) if name in kinds else (low, high) for name in PERIODS]
+        parts["box"] = (*sides[0], *sides[1])
+    if "plates" in kinds:
+        parts["plates"] = [(-dx, -6 * dx, 2 * dx, 6 * dx)]
+    if kinds & {"box", "plates"}:
+        parts["restitution"] = draw(st.floats(0.0, 1.0))
+    if "motion" in kinds:
+        open_sides = {"left", "right"} if "period_x" in kinds else set()
+        sides = {"bottom"} if "box" in kinds and "period_y" not in kinds else set()
+        motion = {"velocity": (0.0, 0.1), "amplitude": (0.0, 0.1 * dx), "frequency": 3.0}
+        parts["motion"] = Motion(**motion, sides=tuple(sides - open_sides))
+    return attempt(lambda: Walls(**parts))[0] if parts else None
+
+
+@st.composite
+def any_effects(draw):
+    """Any of them together, or what is refused."""
+    strengths = ("artificial_viscosity", "laminar_viscosity", "surface_tension", "shifting",
+                 "quadratic_viscosity", "tensile_correction", "density_diffusion")  # fmt: skip
+    parts = {name: draw(maybe) for name in strengths}
+    parts["continuity"], parts["xsph"] = draw(st.booleans()), draw(st.booleans())
+    parts["viscosity_form"] = draw(st.sampled_from(["mueller", "morris"]))
+    parts["gravity"] = draw(st.sampled_from([
+        None, (1.0, -9.81), Gravity(0.0, -9.81, ramp=0.1), CentralGravity(3.0),
+        ShakenGravity(0.0, -9.81, (2.0, 0.0), 3.0), RollingTank(9.81, 0.2, 2.0),
+        RecordedGravity([(0.0, -9.0), (1.0, -9.0)], 0.01),
+    ]))  # fmt: skip
+    if not parts["continuity"]:
+        parts["density_diffusion"] = None
+    return attempt(lambda: Effects(**parts))[0]
+
+
+@st.composite
+def any_scene(draw):
+    """A scene with anything in it, or None after a clear refusal."""
+    dx, n = draw(st.floats(1e-3, 1e3)), draw(st.integers(1, 6))
+    place = st.tuples(st.floats(-5, 5), st.floats(-5, 5))
+    x, v = (np.array(draw(st.lists(place, min_size=n, max_size=n))) for _ in range(2))
+    fluid = Fluid(
+        c0=draw(st.floats(1.0, 100.0)),
+        kernel=draw(st.sampled_from(sorted(ALL_KERNELS))),
+        eos=draw(st.sampled_from(["tait", "linear"])),
+        clamp=draw(st.booleans()),
+    )
+    arguments = {
+        "x": dx * x, "dx": dx, "h": draw(st.floats(1.5, 4.5)) * dx, "v": v, "fluid": fluid,
+        "effects": draw(any_effects()) or Effects(), "walls": draw(any_walls(dx)),
+        "integrator": draw(st.sampled_from(sorted(INTEGRATORS))),
+    }  # fmt: skip
+    return made(partial(Scene, "anything"), arguments)
+
+
+@uncompiled
+def test_whatever_a_scene_names_it_runs_or_is_reported():
+    seen = set()
+
+    @settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
+    @given(any_scene(), st.floats(-3, 1.5), st.floats(-3, 3), st.floats(0, 2), st.integers(1, 3))
+    def check(scene, dt, stiffness, xsph, steps):
+        if scene is None:
+            return
+        seen.update({scene.integrator, scene.fluid.kernel, *parts_of(scene)})
+        run_twice(Simulation(scene, threads=1), dt, stiffness, xsph, steps)
+
+    check()
+    named = {"particles", "plates", "motion", "period_x", "continuity", "shifting"}
+    assert seen >= named | {"surface_tension"} | set(INTEGRATORS)
+
+
+def parts_of(scene):
+    """Names of the effects and walls that are there."""
+    wholes = [whole for whole in (scene.effects, scene.walls) if whole is not None]
+    values = {field.name: getattr(whole, field.name) for whole in wholes for field in fields(whole)}
+    return [name for name, value in values.items() if value is not None and value is not False]
 
 
 @pytest.fixture(scope="module")
@@ -300,6 +407,67 @@ def test_environments_are_made_or_refused(arguments):
     env = made(TuningEnv, arguments)
     if env is not None:
         env.close()
+
+
+# never so many that making them takes long
+few = st.one_of(st.integers(-1, 3), st.floats(-2.0, 3.0), junk)
+VECTOR = ENVIRONMENT | {
+    "num_envs": few,
+    "threads": few,
+    "max_episode_steps": few,
+    "autoreset_mode": st.one_of(st.sampled_from(list(AutoresetMode)), words),
+}
+VECTORS = {
+    "native": TuningVectorEnv,
+    "make_vec": partial(gym.make_vec, "sph_gym/DamBreak-v0"),
+    "stable baselines": TuningVecEnv,
+}
+
+
+@pytest.mark.parametrize("way", VECTORS)
+def test_vectors_of_environments_are_made_or_refused(way):
+    arguments = dict(VECTOR)
+    if way == "stable baselines":
+        # its users' loops need one mode
+        del arguments["autoreset_mode"]
+    valid = {"num_envs": 2} | ({} if way == "make_vec" else {"scene": "dam_break"})
+
+    @settings(max_examples=80)
+    @given(spoiled(arguments, valid))
+    def check(arguments):
+        envs = made(VECTORS[way], arguments)
+        if envs is not None:
+            assert envs.num_envs == arguments["num_envs"]
+            envs.close()
+
+    check()
+
+
+def test_a_scene_of_ones_own_is_played_or_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(reference, "cache_home", lambda: tmp_path)
+
+    @settings(max_examples=25)
+    @given(scenes("none", "float64"), st.lists(st.floats(-1, 1), min_size=3, max_size=3))
+    def check(scene, action):
+        frame = 4 * 0.4 * scene.h / scene.fluid.c0
+        own = replace(scene, frame=frame, duration=2 * frame)
+        env = TuningEnv(scene=own)
+        try:
+            env.reset(seed=0)
+        except RuntimeError as error:
+            # a cloud of overlapping particles may be too hard for its own nominal stiffness
+            complain(error)
+            return
+        observation, reward, *_ = env.step(np.array(action, np.float32))
+        assert observation in env.observation_space
+        assert math.isfinite(reward)
+
+    check()
+
+
+def complain(error):
+    """Whether it says what is wrong."""
+    assert "isn't stable at its own nominal stiffness" in str(error)
 
 
 @pytest.fixture(scope="module", params=["absolute", "delta", "discrete"])

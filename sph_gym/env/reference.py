@@ -7,8 +7,6 @@ solver, of the rule, of the actions and of what viscosity asks for, and this fil
 
 import hashlib
 import itertools
-import os
-import tempfile
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
@@ -22,7 +20,7 @@ from numpy.typing import NDArray
 
 from sph_gym.controllers import rules
 from sph_gym.controllers.rules import TunedCfl, from_numbers
-from sph_gym.env import actions, manifest, viscous
+from sph_gym.env import actions, manifest, viscous, whole
 from sph_gym.solver.jit import cache_home, source_hash
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
@@ -290,11 +288,8 @@ def _read(path: Path) -> Reference | None:
 
 
 def _write(path: Path, stored: Reference) -> None:
-    """Store atomically, so that two processes may do it at once."""
+    """Store in one go, so that two processes may do it at once."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-            np.savez_compressed(file, **as_arrays(stored))
-        os.replace(file.name, path)
+        whole.write(path, lambda file: np.savez_compressed(file, **as_arrays(stored)))
     except OSError as error:
         warnings.warn(f"the reference can't be kept on disk: {error}", stacklevel=2)

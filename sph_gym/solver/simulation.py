@@ -35,8 +35,8 @@ class Report:
 
     n_substeps: steps taken (the one that failed included); dt: their length [s]; diverged: x, v,
     rho or p no longer finite, a speed above 5000 m/s, a particle inside of boundary particles
-    (`density.WALLED`), or more energy from nowhere than the ledger tolerates
-    (`diagnostics.Ledger`); cause: "" | "cfl" | "stiffness" | "clumping" |
+    (`density.WALLED`), or more energy from nowhere, or more of it at once, than the ledger
+    tolerates (`diagnostics.Ledger`); cause: "" | "cfl" | "stiffness" | "clumping" |
     "tunnelling" | "energy" | "nan"; link: the link of the chain where it first showed, "" |
     "neighbours" | "density" | "pressure" | "force" | "integration" | "walls"; bad_particle: its
     public index, or -1.
@@ -146,6 +146,16 @@ class Simulation:
         return self._ledger.control_work
 
     @property
+    def energy_surplus(self) -> float:
+        """Energy [J/m] from nowhere so far; friction takes from it, so it may well be negative."""
+        return self._ledger.surplus(self._totals)
+
+    @property
+    def energy_at_stake(self) -> float:
+        """What the tripwire measures it by [J/m]; see `diagnostics.Ledger`."""
+        return self._ledger.stake
+
+    @property
     def sound_speed(self) -> float:
         """Sound speed [m/s] at the present stiffness."""
         return self.scene.fluid.sound_speed(self._controls.stiffness)
@@ -207,11 +217,10 @@ class Simulation:
 
     def _audit(self, report: Report, began: float) -> Report:
         """Book the energy of this leg; more of it than there can be is a blow-up."""
-        before, self._totals = self._totals, self._sum()
+        surplus, before, self._totals = self.energy_surplus, self._totals, self._sum()
         if self.scene.effects.field is not None:
             self._ledger.add_gravity(self._gravity_work(before, began))
-        excess = self._ledger.excess(self._totals)
-        if math.isfinite(excess) and excess <= self._ledger.TOLERANCE:
+        if not self._ledger.blown(self._totals, surplus):
             return report
         fluid = self.engine.fluid
         return self._failed(report, int(np.argmax(fluid.u**2 + fluid.v**2)))
@@ -240,8 +249,8 @@ class Simulation:
         x, v = self._places[:n].astype(np.float64), self.v[:n].astype(np.float64)
         return self.mass * float((field.on(self.time, x, v) * v).sum())
 
-    def _energy_scales(self) -> tuple[float, float]:
-        """Energies that are at stake and that are nothing: rest at 1e-4 c0.
+    def _energy_scales(self) -> tuple[float, float, bool]:
+        """Energies that are at stake and that are nothing (rest), and whether walls do work.
 
         At stake are the weight times the size of the fluid, its motion with the speed of the
         walls, and the surface that it may lose.
@@ -253,7 +262,8 @@ class Simulation:
         top_speed = 0.0 if scene.walls is None else scene.walls.top_speed
         surface = 4 * size * (scene.effects.surface_tension or 0.0)
         at_stake = fluid_mass * (weight * size + top_speed**2) + surface
-        return at_stake, fluid_mass * (1e-4 * scene.fluid.c0) ** 2
+        rest = fluid_mass * (diagnostics.Ledger.REST * scene.fluid.c0) ** 2
+        return at_stake, rest, top_speed > 0
 
     # --- failure ----------------------------------------------------------------------------
 
@@ -265,13 +275,15 @@ class Simulation:
         engine.recover(self.time)
         self._totals = self._sum()
         bad = int(np.flatnonzero(engine.fluid.id == index)[0])
-        link, place = "walls", bad
+        link, place, a = "walls", bad, self._acceleration_sizes()
         if not walled:
             link, place = failure.broken_link(
-                engine.fluid, engine.walls, self._acceleration_sizes(), bad, self._local, self.mass
+                engine.fluid, engine.walls, a, bad, self._local, self.mass
             )
         nearest = float(np.sqrt(engine.nearest_and_count()[0].min())) / self.scene.dx
-        cause = failure.cause(self.scene, report.dt, self.sound_speed, link, nearest)
+        cause = failure.cause(
+            self.scene, report.dt, self.sound_speed, link, nearest, float(a.max())
+        )
         index = int(engine.fluid.id[place])
         code = float(failure.CAUSES.index(cause))
         self._onset = failure.Onset(code, self._substeps, self.time)

@@ -2,16 +2,14 @@
 
 import hashlib
 import json
-import os
-import threading
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import sph_gym
+from sph_gym.env import whole
 from sph_gym.solver.jit import source_hash
 
 
@@ -108,12 +106,4 @@ def write(path: Path, stored: Any) -> None:
 
     Raises OSError that names the file.
     """
-    draft = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft.write_text(json.dumps(stored))
-        os.replace(draft, path)
-    except OSError as error:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
-        raise OSError(error.errno, f"can't be written: {error.strerror}", str(path)) from None
+    whole.write(path, lambda file: file.write(json.dumps(stored).encode()))

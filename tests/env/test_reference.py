@@ -1,4 +1,9 @@
+import errno
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +13,7 @@ from sph_gym import scenes
 from sph_gym.env import instances, viscous
 from sph_gym.env import reference as module
 from sph_gym.env.reference import fingerprint, n_frames, reference
+from sph_gym.solver.jit import cache_home
 
 SCENE = scenes.make("relaxation", dx=0.1)
 
@@ -54,6 +60,56 @@ def test_a_folder_that_cannot_be_written_only_warns(tmp_path, monkeypatch):
     module._KEPT.clear()
     with pytest.warns(UserWarning, match="can't be kept"):
         reference(SCENE)
+
+
+def test_a_full_disk_only_warns_and_leaves_nothing_behind(store, monkeypatch):
+    def full(file, **arrays):
+        file.write(b"PK half of it")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(module.np, "savez_compressed", full)
+    with pytest.warns(UserWarning, match="No space left"):
+        reference(SCENE)
+    assert list(store.iterdir()) == []
+
+
+def test_a_draft_of_a_killed_writer_is_swept_away(store):
+    first = reference(SCENE)
+    [kept] = store.iterdir()
+    old, young = (kept.with_name(f"{kept.name}.{pid}.1.tmp") for pid in (1, 2))
+    for draft in (old, young):
+        draft.write_bytes(b"half")
+    os.utime(old, (0, 0))
+    module._write(kept, first)
+    assert set(store.iterdir()) == {kept, young}
+    assert equal(module._read(kept), first)
+
+
+TWIN = """
+import sys
+from sph_gym import scenes
+from sph_gym.env.reference import reference
+print(reference(scenes.make("relaxation", dx=0.1)).fine.kinetic.tobytes().hex())
+"""
+
+
+def test_two_processes_may_compute_one_reference(tmp_path):
+    environment = os.environ | {"SPH_GYM_CACHE": str(tmp_path)}
+    # machine code is shared: only the references are new
+    jit = tmp_path / "jit"
+    jit.symlink_to(cache_home() / "jit", target_is_directory=True)
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", TWIN], env=environment, cwd=Path(__file__).parents[2],
+            stdout=subprocess.PIPE, text=True,
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    texts = [process.communicate(timeout=300)[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0]
+    assert texts[0] == texts[1] != ""
+    [kept] = (tmp_path / "references").iterdir()
+    assert module._read(kept) is not None
 
 
 def test_the_key_knows_every_part_of_the_scene():

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from sph_gym import Effects, Fluid, Simulation, scenes
+from sph_gym.solver import failure
+from sph_gym.solver.diagnostics import Ledger
 from sph_gym.solver.failure import CAUSES
-from tests.cases import C0, STIFFNESS, fluid, simulation
+from tests.cases import C0, MOVING, STIFFNESS, fluid, simulation
 from tests.solver.test_simulation import FIELDS
 
 LINKS = {"neighbours", "density", "pressure", "force", "integration", "walls"}
@@ -85,6 +87,24 @@ def test_a_step_beyond_the_viscous_limit_is_blamed_on_the_courant_limit():
     assert run_until_it_fails(sim).cause == "cfl"
 
 
+@pytest.mark.without_jit
+@pytest.mark.parametrize(("multiple", "cause"), [(1.9, "energy"), (2.1, "cfl")])
+def test_a_step_far_beyond_the_force_limit_is_blamed_on_the_courant_limit(multiple, cause):
+    sim = simulation("none")
+    dt, scene = 0.1 * sim.scene.h / C0, sim.scene
+    a_max = (0.25 * multiple / dt) ** 2 * scene.h
+    assert failure.cause(scene, dt, C0, "integration", 0.5, a_max) == cause
+    # within a wall, any step makes such forces
+    assert failure.cause(scene, dt, C0, "walls", 0.5, a_max) == "tunnelling"
+
+
+def test_overlapping_bodies_at_the_acoustic_step_alone_are_no_riddle():
+    sim = simulation("none", "overlapping", speed=0.0)
+    sim.controls = sim.controls._replace(dt=0.8 * sim.scene.h / C0)
+    assert sim.controls.dt > 4 * sim.stable_dt()
+    assert run_until_it_fails(sim).cause == "cfl"
+
+
 @pytest.mark.parametrize("run", ["dam break", "single precision"])
 @pytest.mark.parametrize("strength", [20.0, 1e6, 1e30])
 def test_absurd_smoothing_ends_in_a_report(strength, run):
@@ -142,6 +162,44 @@ def test_whatever_the_integrator_a_blow_up_leaves_a_finite_state(configuration, 
     sim.controls = sim.controls._replace(dt=1e-9, stiffness=1.0)
     sim.advance(3e-9)
     assert_finite(sim)
+
+
+def ledger(stake=1.0, driven=False):
+    """One that begins with nothing, and what it says of energies [J/m] of the end of a leg."""
+    nothing = simulation("none", speed=0.0)._totals._replace(kinetic=0.0, internal=0.0)
+    found = Ledger(nothing, stake, 1e-8, driven)
+    return lambda held, before: found.blown(nothing._replace(kinetic=held), before)
+
+
+@pytest.mark.without_jit
+def test_half_of_the_energy_at_stake_at_once_is_a_burst():
+    blown = ledger()
+    assert blown(0.6, 0.3)
+    # little by little, less than half in the end, or more than twice anyhow
+    assert not blown(0.6, 0.4)
+    assert not blown(0.45, 0.0)
+    assert not blown(1.9, 1.7)
+    assert blown(2.1, 2.1)
+    assert blown(np.nan, 0.0)
+
+
+@pytest.mark.without_jit
+def test_slow_fluid_and_moving_walls_don_t_burst():
+    assert not ledger(driven=True)(1.5, 0.0)
+    # at rest: what is at stake is less than the energy of fluid at 0.02 c0
+    assert not ledger(stake=1e-5)(1.5e-5, 0.0)
+    assert ledger(stake=1e-3)(1.5e-3, 0.0)
+    assert simulation("none", walls=MOVING)._ledger._least_burst == np.inf
+
+
+def test_bodies_that_fly_apart_are_reported_before_they_have():
+    # made 1.6 times the energy at stake, and never more: the first map of `study stability`
+    scene = scenes.make("long_fall")
+    sim = Simulation(scene)
+    dt = 2.52 * 0.4 * scene.h / scene.fluid.c0
+    sim.controls = sim.controls._replace(dt=dt, xsph=0.3)
+    report = run_until_it_fails(sim, round(scene.duration / scene.frame))
+    assert report.cause == "cfl"
 
 
 # --- What is no blow-up ---------------------------------------------------------------------

@@ -92,7 +92,24 @@ def test_a_run_counts_its_pairs_and_tells_what_the_solver_did_not(monkeypatch):
     assert fine.substeps == pytest.approx(2 * coarse.substeps, rel=0.1)
     assert 6 < fine.pairs / fine.substeps < 40
     monkeypatch.setattr(maps, "EXCESS", -math.inf)
-    assert maps.run(scene, maps.unit(scene), 1.0, 0.3, 0.02).cause == maps.UNTOLD
+    untold = maps.run(scene, maps.unit(scene), 1.0, 0.3, 0.02)
+    assert untold.cause == maps.UNTOLD
+    # it was followed beyond the end
+    assert untold.substeps > coarse.substeps
+
+
+def test_a_run_that_is_reported_later_was_not_silent(monkeypatch):
+    scene = maps.nominal("relaxation")
+    monkeypatch.setattr(maps, "EXCESS", -math.inf)
+    assert maps.run(scene, 8.0 * maps.unit(scene), 1.0, 0.3, 0.05).cause == "cfl"
+
+
+def test_silence_fails(tmp_path, monkeypatch):
+    for cause, silent in (("cfl", 0), (maps.UNTOLD, 20)):
+        monkeypatch.setattr(maps, "run", lambda *_, told=cause: Point(told, math.nan, 1, 1.0, 1.0))
+        found = maps.survey("relaxation", GRID, tmp_path / cause)
+        [row] = [row for row in maps.rows("relaxation", found) if row.quantity == maps.SILENT]
+        assert (row.value, row.holds) == (silent, not silent)
 
 
 def legend(found, monkeypatch):

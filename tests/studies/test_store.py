@@ -2,10 +2,10 @@
 
 import errno
 import json
-from pathlib import Path
 
 import pytest
 
+from sph_gym.env import whole
 from sph_gym.studies import episodes, store, validation
 
 
@@ -44,13 +44,13 @@ def test_a_probe_names_the_folder(tmp_path):
 
 
 def test_a_full_disk_is_named_and_nothing_half_is_left(tmp_path, monkeypatch):
-    path, before = tmp_path / "run.json", Path.write_text
+    path = tmp_path / "run.json"
 
-    def full(self, text):
-        before(self, text[: len(text) // 2])
+    def full(draft, kept):
+        assert draft.stat().st_size > 0
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(whole.os, "replace", full)
     with pytest.raises(OSError, match=r"can't be written: No space left.*run\.json"):
         store.write(path, {"result": 1})
     assert list(tmp_path.iterdir()) == []

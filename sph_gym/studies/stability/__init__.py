@@ -33,7 +33,7 @@ FOLDER = Path("runs/studies")
 # What the run of a case depends on, of this package.
 OWN = tuple(
     Path(__file__).with_name(f"{name}.py")
-    for name in ("case", "bodies", "tanks", "streams", "schemes", "checks", "runs")
+    for name in ("case", "events", "bodies", "tanks", "streams", "schemes", "checks", "runs")
 )
 # Variants of the quick version, and the one scene that it maps.
 QUICK_VARIANTS, QUICK_SCENES = VARIANTS[:3], ("relaxation",)
@@ -53,7 +53,7 @@ def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
     place = folder / "stability"
     store.probe(place)
     yield from catalogue(quick, place)
-    with _bar(memory.LOOKS, "memory", "look") as bar:
+    with _bar(memory.N_LOOKS, "memory", "look") as bar:
         yield from memory.rows(quick, place, bar.update)
     with _bar(walls.N_RUNS, "boundary particles", "run") as bar:
         yield from walls.rows(place, bar.update)
@@ -73,7 +73,7 @@ def catalogue(quick: bool, folder: Path, chosen: Sequence[Case] | None = None) -
                 outcomes.append((variant, _kept(case, variant, quick, folder)))
                 bar.update()
             found[case.name] = case, outcomes
-            yield from report.rows(case, outcomes)
+            yield from report.rows(case, outcomes, quick)
     yield from report.summary(found)
 
 

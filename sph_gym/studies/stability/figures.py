@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.solver.diagnostics import Ledger
 from sph_gym.solver.simulation import Simulation
 from sph_gym.studies.stability.maps import EXCESS, TOLERANCE, UNTOLD, Map
 
@@ -222,6 +221,6 @@ def labels() -> list[str]:
     told = [f"{letter}: blow-up, {cause}" for cause, (_, letter) in CAUSES.items()][:-1]
     untold = (
         f"{CAUSES[UNTOLD][1]}: more than {EXCESS:g} of the energy at stake from nowhere,\n"
-        f"    not reported by the solver, which does from {Ledger.TOLERANCE:g} on"
+        "    which the solver never reported"
     )
     return [*CALM, *told, untold]

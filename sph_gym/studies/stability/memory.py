@@ -1,5 +1,6 @@
 """Memory over many steps: it must not grow."""
 
+import itertools
 import math
 import sys
 from collections.abc import Callable, Iterator
@@ -7,17 +8,25 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
+
+from sph_gym.env.registration import env_id
 from sph_gym.solver.simulation import Simulation
 from sph_gym.studies import store
-from sph_gym.studies.stability import tanks
-from sph_gym.studies.stability.case import article
+from sph_gym.studies.stability import case, tanks
 from sph_gym.studies.table import Row
 
-STEPS, QUICK_STEPS = 1_000_000, 5_000
-# What may come and go, with Python's own pools [MB].
-BOUND = 4.0
-# Looks in which the run is done.
+STEPS, QUICK_STEPS = 1_000_000, 20_000
+# What may come and go with Python's own pools [MB], and what a step may leave [MB]: 3 bytes.
+FLOOR, RATE = 1.0, 3e-6
+# Looks in which each of the runs is done, and the runs.
 LOOKS = 100
+SCENE, ENVS = "dam_break", 4
+
+
+def bound(steps: int) -> float:
+    """Growth [MB] over so many steps that is none."""
+    return FLOOR + RATE * steps
 
 
 def resident() -> float:
@@ -35,20 +44,58 @@ def resident() -> float:
     return pages * resource.getpagesize() / 2**20
 
 
-def growth(steps: int, look: Callable[[], Any] = lambda: None) -> float:
-    """Memory gained [MB] over the last nine tenths of so many steps of a small dam break.
-
-    With all that an agent does in between: controls, diagnostics, snapshots. look: called a
-    hundred times.
-    """
-    sim, before = Simulation(tanks.dam(0.1), threads=1), math.nan
-    n_frames = math.ceil(steps / tanks.FRAME / LOOKS)
-    for share in range(LOOKS):
-        for frame in range(n_frames):
-            sim.controls = article(sim, frame)._replace(dt=sim.nominal_controls.dt)
-            sim.advance(tanks.FRAME * sim.controls.dt)
-            sim.diagnostics()
+def solver() -> Iterator[int]:
+    """Substeps of every frame of a small dam break, with all that a program does in between."""
+    sim = Simulation(tanks.dam(0.1), threads=1)
+    for frame in itertools.count():
+        sim.controls = case.article(sim, frame)._replace(dt=sim.nominal_controls.dt)
+        report = sim.advance(tanks.FRAME * sim.controls.dt)
+        sim.diagnostics()
         sim.restore(sim.snapshot())
+        yield report.n_substeps
+
+
+def environment() -> Iterator[int]:
+    """Substeps of every step of an environment: random actions, a new instance after the last."""
+    env = gym.make(env_id(SCENE), instances="train")
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    while True:
+        _, _, terminated, truncated, info = env.step(env.action_space.sample())
+        if terminated or truncated:
+            env.reset()
+        yield int(info["n_substeps"])
+
+
+def vector() -> Iterator[int]:
+    """The same of some at once, which begin anew by themselves."""
+    envs = gym.make_vec(env_id(SCENE), num_envs=ENVS, instances="train", threads=1)
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    while True:
+        *_, infos = envs.step(envs.action_space.sample())
+        yield int(infos["n_substeps"].sum())
+
+
+WAYS: dict[str, Callable[[], Iterator[int]]] = {
+    "the solver": solver,
+    "an environment": environment,
+    "a vector of environments": vector,
+}
+# Looks in which all is done.
+N_LOOKS = LOOKS * len(WAYS)
+
+
+def growth(way: str, steps: int, look: Callable[[], Any] = lambda: None) -> float:
+    """Memory gained [MB] over the last nine tenths of so many steps.
+
+    look: called a hundred times.
+    """
+    play, before = WAYS[way](), math.nan
+    for share in range(LOOKS):
+        done = 0
+        while done < steps / LOOKS:
+            done += next(play)
         if share == LOOKS // 10 - 1:
             before = resident()
         look()
@@ -56,12 +103,13 @@ def growth(steps: int, look: Callable[[], Any] = lambda: None) -> float:
 
 
 def rows(quick: bool, folder: Path, look: Callable[[], Any]) -> Iterator[Row]:
-    """Growth over 10^6 steps, or over some thousand; the finished run is kept in the folder."""
+    """Growth over 10^6 steps, or over some thousand; finished runs are kept in the folder."""
     steps = QUICK_STEPS if quick else STEPS
-    key = ["memory", steps]
-    path = folder / store.name(key, Path(__file__), Path(tanks.__file__))
-    compute = partial(growth, steps, look)
-    gained = float(store.kept(path, key, compute, lambda kept: type(kept) in (int, float)))
-    told = math.isfinite(gained)
-    case = f"{steps:,} steps" + ("" if told else ", which this system doesn't tell")
-    yield Row("memory gained", case, gained, "MB", BOUND if told else None)
+    for way in WAYS:
+        key = ["memory", way, steps]
+        path = folder / store.name(key, *map(Path, (__file__, tanks.__file__, case.__file__)))
+        compute = partial(growth, way, steps, look)
+        gained = float(store.kept(path, key, compute, lambda kept: type(kept) in (int, float)))
+        told = math.isfinite(gained)
+        label = f"{way}, {steps:,} steps" + ("" if told else ", which this system doesn't tell")
+        yield Row("memory gained", label, gained, "MB", bound(steps) if told else None)

@@ -10,8 +10,9 @@ from sph_gym.solver.scene import Scene
 from sph_gym.studies.stability.bodies import DX as BODY_DX
 from sph_gym.studies.stability.bodies import patches
 from sph_gym.studies.stability.case import Case
+from sph_gym.studies.stability.events import flowed, ran, turned
 from sph_gym.studies.stability.tanks import DX as TANK_DX
-from sph_gym.studies.stability.tanks import dam
+from sph_gym.studies.stability.tanks import PEAK, TOGETHER, dam
 
 EULER, KICK, CORRECTOR = "symplectic_euler", "kick_drift_kick", "predictor_corrector"
 # Of a density by continuity, which drifts without it.
@@ -46,13 +47,19 @@ def cases() -> Iterator[Case]:
     """All of them; rotating squares are by kick_drift_kick and continuity, the rest by neither."""
     for integrator, continuity in ((KICK, False), (CORRECTOR, False), (EULER, True)):
         name, falls = _scheme("dam break", dam, integrator, continuity)
-        yield Case(name, falls, TANK_DX, density=0.01, quick=4)
+        yield Case(
+            name, falls, ran(0.7, 0.7), TANK_DX, density=0.01, typical=TOGETHER, quick=50, peak=PEAK
+        )
     for continuity in (False, True):
         name, collide = _scheme("colliding patches", patches, CORRECTOR, continuity)
-        yield Case(name, collide, BODY_DX, conserves=True, gain=0.1, quick=6)
+        yield Case(name, collide, turned(0.7, 0.7), BODY_DX, conserves=True, gain=0.1, quick=40)
     for integrator in (KICK, CORRECTOR):
         name, flows = _scheme("Poiseuille flow", poiseuille, integrator, False)
-        yield Case(name, flows, 1 / ACROSS, frames=200, quick=10, behind=outside_channel)
+        # two thirds of the 1 m/s on the centre line, in the end
+        yield Case(
+            name, flows, flowed(0.6, 0.1), 1 / ACROSS, frames=200, quick=10,
+            behind=outside_channel, typical=0.98, peak=1.05,
+        )  # fmt: skip
 
 
 def _scheme(

@@ -9,6 +9,7 @@ from sph_gym.solver.simulation import Simulation
 from sph_gym.studies import store
 from sph_gym.studies.stability import streams
 from sph_gym.studies.stability.case import VARIANTS, Case, Variant, overstepping
+from sph_gym.studies.stability.events import turned
 from sph_gym.studies.table import Row
 
 # What is tried, and what must hold: four times the speed that a sound speed is chosen for.
@@ -17,7 +18,9 @@ HELD = 0.4
 # In multiples of the stable one; above it, nobody may pass in silence either.
 STEPS = (1.0, 2.0, 4.0)
 FRAMES = 60
-CASE = Case("shower", streams.shower, streams.DX, behind=streams.below, sizes=MACH)
+CASE = Case(
+    "shower", streams.shower, turned(0.0, 0.0), streams.DX, behind=streams.below, sizes=MACH
+)
 # Looks in which all is done.
 N_RUNS = len(VARIANTS) * len(STEPS)
 OWN = tuple(Path(__file__).with_name(f"{name}.py") for name in ("walls", "case", "streams"))
@@ -74,3 +77,6 @@ def _rows(label: str, step: float, outcomes: dict[float, Strays]) -> Iterator[Ro
     quantity = "Mach number that boundary particles stop alone"
     yield Row(quantity, label, held, "", HELD if step <= 1 else None, at_least=True)
     yield Row("particles that pass them in silence", label, silent, "", 0.0)
+    faster = [strays.told for mach, strays in outcomes.items() if mach > HELD]
+    title = f"runs of strays beyond Mach {HELD:g} that blow up, all reported"
+    yield Row(title, label, float(sum(faster)), f"of {len(faster)}")

@@ -467,7 +467,7 @@ def test_a_scene_of_ones_own_is_played_or_refused(tmp_path, monkeypatch):
 
 def complain(error):
     """Whether it says what is wrong."""
-    assert "isn't stable at its own nominal stiffness" in str(error)
+    assert re.match(r"fuzzed: the (reference run|CFL rule) blew up ", str(error))
 
 
 @pytest.fixture(scope="module", params=["absolute", "delta", "discrete"])

@@ -183,7 +183,7 @@ def plot_reward_terms(runs: pd.DataFrame, path: Path) -> None:
 
 
 def _term_legend(figure: Figure) -> None:
-    names = {"work": "work (gain)", "blowup": "blow-up"}
+    names = {"blowup": "blow-up"}
     patches = [
         Patch(fc=colour, hatch=hatch, ec="white", label=names.get(term, term))
         for term, (colour, hatch) in TERM_LOOKS.items()

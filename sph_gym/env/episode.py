@@ -36,6 +36,8 @@ INFO = {
     "rollbacks": ("-", "blow-ups that were taken back in a row"),
     **{f"reward_{term}": ("-", f"weighted term {term} of the reward") for term in rewards.TERMS},
 }  # fmt: skip
+# Of the terms in info, spelt once: a step is short.
+_TERMS = tuple(f"reward_{term}" for term in rewards.TERMS)
 
 
 class Rules(NamedTuple):
@@ -156,7 +158,7 @@ class Episode:
         )
 
     def _inform(self, work: float, errors: rewards.Errors, weighted: list[float]) -> dict[str, Any]:
-        controls, report = self.sim.controls, self._report
+        controls, report, worst = self.sim.controls, self._report, max(errors)
         return {
             "instance_id": self.instance_id,
             "blowup_cause": report.cause,
@@ -169,16 +171,14 @@ class Episode:
             "density_error": self._numbers["density_error"],
             "clumping": self._numbers["clumping"],
             "fidelity_error": errors.fidelity,
-            "error": max(errors),
-            "cost": float(report.diverged or max(errors) > 1.0),
+            "error": worst,
+            "cost": float(report.diverged or worst > 1.0),
             "control_work": self._control_work,
             "blowup": float(report.diverged),
             "blowup_substep": self._numbers["blowup_substep"] if report.diverged else -1.0,
             "time_to_failure": self._numbers["time_to_failure"] if report.diverged else -1.0,
             "rollbacks": 0.0,
-            **{
-                f"reward_{term}": value for term, value in zip(rewards.TERMS, weighted, strict=True)
-            },
+            **dict(zip(_TERMS, weighted, strict=True)),
         }
 
     def toward(self, controls: Any) -> Any:

@@ -17,9 +17,9 @@ from sph_gym.scenes.free_bodies import ellipse
 from sph_gym.scenes.martin_moyce import SHIFTS, front_error
 from sph_gym.studies import store
 from sph_gym.studies.accuracy import fronts
-from sph_gym.studies.accuracy.lines import envelope
 from sph_gym.studies.accuracy.luck import sober
 from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.trust import envelope
 from sph_gym.studies.peers import PeerError, Peers
 from sph_gym.studies.table import Row
 from sph_gym.studies.timing import pinned

@@ -2,11 +2,14 @@
 
 A line is one choice of all knobs at several resolutions. Between two of them error and time are
 interpolated on logarithmic scales. What is promised is the largest error at this and all finer
-resolutions, times what the line would have been wrong by about any of its own points had that
-one been missing: a lucky run promises nothing. Where a scene's errors don't fall with dx, no line
-promises less than the largest of the scene's own errors, so that nobody pays for their scatter.
+resolutions, the finest counting at least as what the others lead to expect, times what the line
+would have been wrong by about any of its inner points had that one been missing: a lucky run
+promises nothing. Where a scene's errors don't fall with dx, no line promises less than the largest
+of the scene's own errors, so that nobody pays for their scatter. In a case that nothing was fitted
+to, what would be advised is run first, and is corrected or withdrawn by what came of it.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +31,8 @@ from sph_gym.studies.accuracy.settings import Setting
 ROUNDING = 1e-9
 # Runs of which a probe takes the median time.
 PROBES = 3
+# How many choices are tried out in a case, and seconds that a run of one may take.
+MOST_TRIALS, AFFORDABLE = 12, 10.0
 
 
 # --- Choosing -------------------------------------------------------------------------------
@@ -50,37 +55,64 @@ def for_effort(lines: Sequence[Line], effort: float) -> Choice | None:
 Probe = Callable[[Setting], tuple[float, float]]
 
 
-def corrected(line: Line, probe: Probe) -> Line | None:
-    """A line in a case that it wasn't fitted to, by a run of its coarsest setting there.
+def corrected(line: Line, across: int, error: float, effort: float) -> Line:
+    """A line in a case that it wasn't fitted to, by a run of one of its settings there.
 
     Errors and promises grow by measured / expected error, and never shrink, since one small error
-    may be luck; efforts change by measured / expected effort. None if that run blows up.
+    may be luck; efforts change by measured / expected effort.
     """
-    error, effort = probe(line.setting._replace(across=int(line.across[0])))
-    if not error > 0:
-        return None
-    factor = max(error / line.error[0], 1.0)
+    there = line.at(across)
+    factor = max(error / there.error, 1.0)
     return line._replace(
         error=factor * line.error,
         promised=factor * line.promised,
-        effort=effort / line.effort[0] * line.effort,
+        effort=effort / there.effort * line.effort,
     )
 
 
+class Settled(NamedTuple):
+    """What is chosen in a case that nothing was fitted to, among which lines, and what was run.
+
+    choice: None if there is none; error: of its own run there, NaN if it wasn't run; trials: what
+    was about to be chosen and the error of its run, NaN after a blow-up.
+    """
+
+    choice: Choice | None
+    lines: list[Line]
+    error: float
+    trials: list[tuple[Choice, float]]
+
+
 def settle(
-    lines: Sequence[Line], choose: Callable[[Sequence[Line]], Choice | None], probe: Probe
-) -> tuple[Choice | None, list[Line]]:
-    """The choice among lines of which the chosen one is corrected for the case, and all lines."""
+    lines: Sequence[Line],
+    choose: Callable[[Sequence[Line]], Choice | None],
+    probe: Probe,
+    affordable: float = math.inf,
+) -> Settled:
+    """The choice among lines that are corrected for the case until the choice itself was run.
+
+    First by their coarsest setting, then by what would be chosen, if that takes at most an
+    `affordable` effort; what blows up is withdrawn with its line.
+    """
     waiting, done = {line.setting: line for line in lines}, dict[Setting, Line]()
+    errors, trials = dict[Setting, float](), list[tuple[Choice, float]]()
     while True:
         known_now = [*waiting.values(), *done.values()]
         choice = choose(known_now)
-        if choice is None or choice.setting.line in done:
-            return choice, known_now
-        line = waiting.pop(choice.setting.line)
-        better = corrected(line, probe)
-        if better is not None:
-            done[line.setting] = better
+        if choice is None:
+            return Settled(None, known_now, math.nan, trials)
+        setting, first = choice.setting, choice.setting.line in waiting
+        dear = not first and (choice.effort > affordable or len(trials) >= MOST_TRIALS)
+        if setting in errors or dear:
+            return Settled(choice, known_now, errors.get(setting, math.nan), trials)
+        line = waiting.pop(setting.line) if first else done.pop(setting.line)
+        across = int(line.across[0]) if first else setting.across
+        error, effort = probe(setting._replace(across=across))
+        if not first:
+            trials.append((choice, error))
+        if error > 0:
+            errors[setting._replace(across=across)] = error
+            done[line.setting] = corrected(line, across, error, effort)
 
 
 def _probe(case: Problem) -> Probe:
@@ -101,13 +133,17 @@ class Advice(NamedTuple):
     """What `recommend` answers.
 
     seconds: expected processor time of the run, on one thread; caution: what chance has to do with
-    it, nothing where errors fall steadily with dx.
+    it, nothing where errors fall steadily with dx; tried: the error of its own run in a case that
+    nothing was fitted to, NaN if it would have been too dear, None in the case of the tables;
+    budget: seconds that were asked for.
     """
 
     problem: Problem
     choice: Choice
     seconds: float
     caution: str = ""
+    tried: float | None = None
+    budget: float | None = None
 
 
 def advise(
@@ -120,9 +156,9 @@ def advise(
 ) -> Advice:
     """Settings for a scene, for an error (a share) or a budget [s], whichever is given.
 
-    arguments: of the scene, in which the coarsest setting of what would be advised is run first,
-    to correct what it promises; table: of samples, by default the one that comes with the package;
-    speed: of this machine [benchmark particle-steps/s], measured if it isn't given. Raises
+    arguments: of the scene, in which what would be advised is run first, its coarsest setting
+    before it, to correct or withdraw it; table: of samples, by default the one that comes with the
+    package; speed: of this machine [benchmark particle-steps/s], measured if it isn't given. Raises
     ValueError for an unknown scene or argument or a scene that is erratic, if not exactly one of
     error and budget is given, and for an error or a budget below what was measured, with the range.
     """
@@ -142,6 +178,8 @@ def advise(
     lines, floor = fit(samples), scatter(samples)
     if not lines:
         raise ValueError(f"table: expected a line of {FEWEST} resolutions of {scene}, got none")
+    if error is not None and for_error(lines, error) is None:
+        raise _too_small(scene, lines, "error", error, 1.0, floor)
     speed = rate(CAREFUL) if speed is None else speed
 
     def choose(lines: Sequence[Line]) -> Choice | None:
@@ -150,13 +188,16 @@ def advise(
         assert budget is not None
         return for_effort(lines, budget * speed)
 
-    choice = choose(lines)
+    settled = Settled(choose(lines), lines, math.nan, [])
     if arguments:
-        choice, lines = settle(lines, choose, _probe(found))
-    if choice is None:
+        settled = settle(lines, choose, _probe(found), AFFORDABLE * speed)
+    if settled.choice is None:
         asked = ("error", error, 1.0) if error is not None else ("budget", budget, speed)
-        raise _too_small(scene, lines, *asked, floor)
-    return Advice(found, choice, choice.effort / speed, _caution(found, floor))
+        raise _too_small(scene, settled.lines, *asked, floor)
+    return Advice(
+        found, settled.choice, settled.choice.effort / speed, _caution(found, floor),
+        settled.error if arguments else None, budget,
+    )  # fmt: skip
 
 
 def _caution(found: Problem, floor: float) -> str:
@@ -199,8 +240,9 @@ def _too_small(
     known_values = [c.promised if name == "error" else c.effort / speed for c in ends]
     unit = "" if name == "error" else " s"
     chance = " (errors below are within their scatter)" if floor and name == "error" else ""
+    what = "can be promised" if name == "error" else "was measured"
     return ValueError(
         f"{name}: expected at least {min(known_values):.3g}{unit}, since for {scene} "
-        f"{min(known_values):.3g} to {max(known_values):.3g}{unit} was measured{chance}, "
+        f"{min(known_values):.3g} to {max(known_values):.3g}{unit} {what}{chance}, "
         f"got {value:g}"
     )

@@ -45,9 +45,11 @@ def _find(key: str, folder: Path) -> str:
     return found[0]
 
 
-def _case(kept: dict[str, Any]) -> tuple[Problem, Setting, bool]:
+def _case(kept: dict[str, Any]) -> tuple[Problem, Setting, int]:
     scene, setting = problem(kept["scene"]), Setting(**kept["setting"])
-    return scene, setting, bool(scene.other) and kept["arguments"] == scene.given(True)
+    cases = range(len(scene.others) + 1)
+    fitting = (other for other in cases if kept["arguments"] == scene.given(other))
+    return scene, setting, next(fitting, 0)
 
 
 def _told(key: str, folder: Path, kept: dict[str, Any], outcome: Outcome) -> int:

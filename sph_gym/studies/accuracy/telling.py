@@ -7,7 +7,8 @@ from sph_gym.studies.accuracy.settings import FIXED, Setting, build
 
 def describe(advice: Advice) -> list[tuple[str, str]]:
     """Names and values of a recommendation, as they are to be set."""
-    scene, (setting, error, promised, _) = advice.problem, advice.choice
+    scene, choice = advice.problem, advice.choice
+    setting, error, promised = choice.setting, choice.error, choice.promised
     built = build(scene, setting)
     assert built.controls is not None
     fixed = setting.controller == FIXED

@@ -17,8 +17,8 @@ from sph_gym.studies.accuracy.trust import mush
 WIDEST = 5.0
 # At how many resolutions the knobs are turned: the nominal one and the next two coarser.
 TURNED = 3
-# The same for agents, whose search and training cost more than the runs.
-PLAYED = 2
+# The same for agents, whose search and training cost more than the runs, and where chance decides.
+FEWER = 2
 # Knobs whose values are numbers, for which an elasticity makes sense; runs of several at once.
 NUMBERS = ("resolution", "width", "step", "sound", "xsph")
 COMBINED = "combined"
@@ -79,7 +79,7 @@ def turned(plan: Plan, problem: Problem) -> list[int]:
 def sweeps(plan: Plan, problem: Problem) -> Iterator[tuple[str, Setting]]:
     """Knob and setting of every run in which one knob alone is turned; the nominal run first.
 
-    Agents, which search or were trained, play at fewer resolutions.
+    Agents, which search or were trained, play at fewer resolutions; so do erratic scenes.
     """
     start = nominal(problem, middle(plan, problem))
     yield "nominal", start
@@ -90,8 +90,8 @@ def sweeps(plan: Plan, problem: Problem) -> Iterator[tuple[str, Setting]]:
         for knob, values in _values(plan, problem, start).items():
             for value in values:
                 bold = start._replace(**{"across": across, knob: value})  # type: ignore[arg-type]
-                played = k < PLAYED or bold.controller in (FIXED, *RULES)
-                if bold.line != start.line and played:
+                dear = problem.erratic or bold.controller not in (FIXED, *RULES)
+                if bold.line != start.line and not (dear and k >= FEWER):
                     yield knob, bold
 
 
@@ -120,11 +120,13 @@ def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> Itera
     One knob after the other takes the value that buys most by itself, by deterministic work and
     at equal error. Each line keeps what the one before has, if that was better for it and went
     well at every resolution. The tuned CFL rule by itself comes last. found: the runs so far, to
-    which those of a line have been added when the next one is asked for.
+    which those of a line have been added when the next one is asked for. None for an erratic scene,
+    which has no front.
     """
     start = nominal(problem, middle(plan, problem))
     nominal_line = [found[s] for s in ladder(plan, problem, start.line)]
-    values = _worthwhile(plan, problem, found) if plan.chain else {}
+    chained = plan.chain and not problem.erratic
+    values = _worthwhile(plan, problem, found) if chained else {}
     faster = values["dtype"].gain if "dtype" in values else 1.0
     present, best = start, 1.0
     for knob, worth in values.items():
@@ -135,14 +137,16 @@ def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> Itera
         bought *= faster if bold.dtype != start.dtype else 1.0
         if bought > best and not mush(runs):
             present, best = bold, bought
-    if plan.chain and "tuned_cfl" in plan.controllers:
+    if chained and "tuned_cfl" in plan.controllers:
         yield start.line._replace(controller="tuned_cfl")
 
 
 def alone(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> list[Setting]:
     """Settings, at no resolution, in which one knob has its best value: are they more than luck?"""
     line = nominal(problem, middle(plan, problem)).line
-    values = _worthwhile(plan, problem, found) if plan.chain else {}
+    if not plan.chain or problem.erratic:
+        return []
+    values = _worthwhile(plan, problem, found)
     return [line._replace(**{knob: values[knob].value}) for knob in ALONE if knob in values]
 
 

@@ -28,6 +28,10 @@ class Tried(Known, Protocol):
     def compression(self) -> float:
         """As of an `Outcome`."""
 
+    @property
+    def mach(self) -> float:
+        """As of an `Outcome`."""
+
 
 class Turned(Tried, Protocol):
     """One that knows which knob was turned."""

@@ -135,7 +135,7 @@ class Advice(NamedTuple):
     seconds: expected processor time of the run, on one thread; caution: what chance has to do with
     it, nothing where errors fall steadily with dx; tried: the error of its own run in a case that
     nothing was fitted to, NaN if it would have been too dear, None in the case of the tables;
-    budget: seconds that were asked for.
+    budget: seconds that were asked for; best: whether nothing that was measured promises less.
     """
 
     problem: Problem
@@ -144,6 +144,7 @@ class Advice(NamedTuple):
     caution: str = ""
     tried: float | None = None
     budget: float | None = None
+    best: bool = False
 
 
 def advise(
@@ -194,20 +195,21 @@ def advise(
     if settled.choice is None:
         asked = ("error", error, 1.0) if error is not None else ("budget", budget, speed)
         raise _too_small(scene, settled.lines, *asked, floor)
+    best = for_effort(settled.lines, math.inf) == settled.choice
     return Advice(
-        found, settled.choice, settled.choice.effort / speed, _caution(found, floor),
-        settled.error if arguments else None, budget,
+        found, settled.choice, settled.choice.effort / speed, _caution(floor),
+        settled.error if arguments else None, budget, best,
     )  # fmt: skip
 
 
-def _caution(found: Problem, floor: float) -> str:
+def _caution(floor: float) -> str:
     """What chance has to do with the errors of a scene."""
-    if floor:
-        return (
-            f"errors are within their scatter, up to {100 * floor:.3g} % at any resolution: "
-            "more time buys nothing"
-        )
-    return "" if found.order is not None else f"chance has its part in the error: {found.note}"
+    if not floor:
+        return ""
+    return (
+        f"errors are within their scatter, up to {100 * floor:.3g} % at any resolution: "
+        "more time buys nothing"
+    )
 
 
 def _checked(scene: str, arguments: dict[str, Any]) -> dict[str, Any]:

@@ -183,7 +183,8 @@ def _differing(points: Sequence[Point]) -> float:
 
 
 def _order(scene: Problem, points: Sequence[Point]) -> Row:
-    good = sorted((found for found in rungs(points) if found.good), key=lambda found: found.dx)
+    last = scene.until or scene.sizes[-1]
+    good = [found for found in rungs(points) if found.good and found.setting.across <= last]
     value = fronts.order([found.dx for found in good], [found.error for found in good])
     return Row("order of convergence", scene.scene, value, "", scene.order, scene.order is not None)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym.studies import machine
-from sph_gym.studies.accuracy import figures, fronts, lines, luck, promises, summary
+from sph_gym.studies.accuracy import figures, fronts, known, lines, luck, promises, summary
 from sph_gym.studies.accuracy import gains as buying
 from sph_gym.studies.accuracy.plan import NUMBERS, knobs, rungs
 from sph_gym.studies.accuracy.points import Point
@@ -37,6 +37,8 @@ def write_all(points: Sequence[Point], trials: Sequence[Trial], folder: Path) ->
     by_scene: dict[str, list[Point]] = {}
     for found in points:
         by_scene.setdefault(found.scene, []).append(found)
+    known.write(by_scene, folder / "found")
+    (folder / "found" / "cheapest.md").write_text(known.page(folder / "found", list(by_scene)))
     print(f"plot: {summary.draw(by_scene, folder / 'summary.png')}")
 
 

@@ -10,13 +10,15 @@ Array = NDArray[np.float64]
 
 # Of convergence in dx: below it, errors differ by chance rather than by resolution.
 LEAST_ORDER = 0.3
+# The same over the finest few: below it, errors have come to rest or begin to grow.
+STILL_FALLING = 0.1
 # Of convergence in dx: no faster are errors expected to go on falling.
 MOST_ORDER = 2.0
 # Resolutions that tell where errors go at the fine end.
 RECENT = 3
-# Of the mean over fluid and time of max(rho / rho0 - 1, 0): a fluid that is squeezed more is
-# another one, whatever its error.
-MOST_COMPRESSION = 0.02
+# Of the mean over fluid and time of max(rho / rho0 - 1, 0), and of the fastest particle's Mach
+# number: a fluid that is squeezed or hurried more is another one, whatever its error.
+MOST_COMPRESSION, MOST_MACH = 0.02, 0.35
 
 
 def envelope(errors: Array) -> Array:
@@ -67,11 +69,16 @@ def doubt(across: Array, errors: Array) -> float:
 
 
 def falls(across: Array, errors: Array) -> bool:
-    """Whether errors fall with dx, over all resolutions and still over the finest few."""
-    fine = slice(-RECENT, None)
-    return slope(across, errors) <= -LEAST_ORDER and slope(across[fine], errors[fine]) < 0
+    """Whether errors fall with dx, over all resolutions and still over the finest few.
+
+    Each counts as much as those of finer runs, so that one of luck doesn't tilt the rest.
+    """
+    worst, fine = envelope(errors), slice(-RECENT, None)
+    return (
+        slope(across, worst) <= -LEAST_ORDER and slope(across[fine], worst[fine]) <= -STILL_FALLING
+    )
 
 
 def mush(runs: Sequence[Any]) -> bool:
-    """Whether any of some runs squeezes its fluid by more than a fluid may be."""
-    return any(run.compression > MOST_COMPRESSION for run in runs)
+    """Whether the fluid of any of some runs is too soft for what happens to it."""
+    return any(run.compression > MOST_COMPRESSION or run.mach > MOST_MACH for run in runs)

@@ -150,7 +150,7 @@ def test_what_a_value_buys_is_told_of_all_resolutions():
     lucky = [Faked(run.setting._replace(kernel="spiky"), knob="kernel") for run in start]
     honest = [Faked(run.setting._replace(kernel="mueller"), knob="kernel") for run in start[:3]]
     for run in lucky:
-        run.error = 0.1 / 20
+        run.error = 0.1 / (10 + run.setting.across / 2)
     for run in lucky[3:]:
         run.knob = plan.COMBINED
     points = [*start, *lucky, *honest]

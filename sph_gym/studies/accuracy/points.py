@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sph_gym.studies import store
 from sph_gym.studies.accuracy import policies, shelf
@@ -22,6 +23,8 @@ from sph_gym.studies.accuracy.settings import Setting, build
 
 # What is short is run more often, up to so much time [s] and so many runs.
 PATIENCE, MOST = 0.3, 5
+# So is what differs: up to so much of the median, the three runs around it.
+AGREED, FEWEST = 0.15, 3
 # An error above this is none that a diagram could show: 1000 %.
 ABSURD = 10.0
 # Of an agent that doesn't get to the end of its own episode.
@@ -39,9 +42,9 @@ class Point(NamedTuple):
     wall, own: median seconds of the whole run
     on the wall and of the thread's processor time; rate: of the benchmark right before and after
     [particle-steps/s]; effort: median of own times rate, the particle-steps of the benchmark that
-    take as long; runs: of which these are medians, spread: the range of their efforts / the
-    median; differing: runs whose error differed, which should be none; speed: of the
-    benchmark on the machine on which times are told.
+    take as long; runs: of which these are medians, spread: the range of the three efforts around
+    the median / the median; differing: runs whose error differed, which should be none; speed: of
+    the benchmark on the machine on which times are told.
     """
 
     scene: str
@@ -129,7 +132,18 @@ def _enough(found: dict[str, Any], taken: dict[str, Any], repeats: int) -> bool:
     n = len(taken["wall"])
     if found["outcome"]["cause"] or n >= MOST:
         return True
-    return n >= repeats and sum(taken["own"]) >= PATIENCE
+    if n < repeats or sum(taken["own"]) < PATIENCE:
+        return False
+    return n < FEWEST or _spread(np.multiply(taken["own"], taken["rate"])) <= AGREED
+
+
+def _spread(efforts: NDArray[np.float64]) -> float:
+    """The range of the three around the median, or of what there is, as a share of the median."""
+    if not len(efforts):
+        return 0.0
+    median = float(np.median(efforts))
+    near = sorted(efforts, key=lambda effort: abs(effort - median))[:FEWEST]
+    return float(np.ptp(near)) / median
 
 
 def _run_once(
@@ -212,7 +226,7 @@ def _point(
         float(np.median(values)) if len(values) else math.nan
         for values in (taken["wall"], taken["own"], taken["rate"], efforts)
     )
-    spread = float(np.ptp(efforts)) / effort if len(efforts) else 0.0
+    spread = _spread(efforts)
     return Point(
         problem.scene, knob, setting, problem.metres(other) / setting.across, outcome["error"],
         outcome["cause"], outcome["seconds"], outcome["particles"], outcome["substeps"],

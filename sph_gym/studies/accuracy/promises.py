@@ -22,7 +22,7 @@ ASKED = (0.05, 0.3, 0.5, 0.7, 0.95)
 # Of these, how many must have an answer in another case.
 LEAST_REACHED = 3.0
 # Of the error to expect, what a run between resolutions has at least: else it is no expectation.
-LEAST_SHARE = 0.4
+LEAST_SHARE = 0.5
 
 
 class Trial(NamedTuple):

@@ -29,8 +29,8 @@ from sph_gym.studies.accuracy.settings import Setting
 
 # Of an error that is asked for.
 ROUNDING = 1e-9
-# Runs of which a probe takes the median time.
-PROBES = 3
+# Runs of which a probe takes the median time, and seconds after which it makes no more.
+PROBES, ENOUGH = 3, 0.5
 # How many choices are tried out in a case, and seconds that a run of one may take.
 MOST_TRIALS, AFFORDABLE = 12, 10.0
 
@@ -116,13 +116,17 @@ def settle(
 
 
 def _probe(case: Problem) -> Probe:
-    """Runs of a user's case; the time is the median of a few, each beside the benchmark."""
+    """Runs of a user's case; the time is the median of a few, each beside the benchmark.
+
+    What takes long by itself is run once.
+    """
 
     def run(setting: Setting) -> tuple[float, float]:
-        before, efforts = rate(), list[float]()
-        for _ in range(PROBES):
+        before, own, efforts = rate(), 0.0, list[float]()
+        while not efforts or (len(efforts) < PROBES and own < ENOUGH):
             outcome = execute(case, setting)
             before, between = rate(), before
+            own += outcome.own
             efforts.append(outcome.own * (before + between) / 2)
         return outcome.error, float(np.median(efforts))
 

@@ -26,7 +26,7 @@ TELLING = (
 )  # fmt: skip
 LAYOUTS = {1: 1, 2: 2, 3: 3, 4: 2, 6: 3}
 # Inches: a page that is shown 890 pixels wide has letters of 9 points if ours have WIDTH of them.
-WIDTH, TOP, PANEL, ROW, FOOT = 10.0, 0.95, 2.55, 0.27, 2.2
+WIDTH, TOP, PANEL, ROW, FOOT = 10.0, 0.95, 2.55, 0.27, 2.0
 SIZE = 10.0
 FRONT, GUIDE = "#D55E00", "#9A9A9A"
 # Gains that are shown as numbers.
@@ -55,7 +55,7 @@ def draw(by_scene: Mapping[str, Sequence[Point]], path: Path) -> Path:
     table = ROW * len(by_scene) + FOOT
     figure = figure_of(WIDTH, TOP + panels + table)
     upper, lower = figure.subfigures(2, 1, height_ratios=(TOP + panels, table))
-    _draw_panels(upper, {name: by_scene[name] for name in chosen}, TOP / (TOP + panels))
+    _draw_panels(upper, {name: by_scene[name] for name in chosen}, TOP + panels)
     _draw_gains(lower, by_scene, table)
     return save(figure, path)
 
@@ -63,16 +63,23 @@ def draw(by_scene: Mapping[str, Sequence[Point]], path: Path) -> Path:
 # --- Error over time ------------------------------------------------------------------------
 
 
-def _draw_panels(figure: Any, chosen: Mapping[str, Sequence[Point]], top: float) -> None:
+def _draw_panels(figure: Any, chosen: Mapping[str, Sequence[Point]], height: float) -> None:
     n_columns = LAYOUTS[len(chosen)]
     grid = figure.subplots(math.ceil(len(chosen) / n_columns), n_columns, squeeze=False)
     figure.subplots_adjust(
-        left=0.085, right=0.985, top=1 - top, bottom=0.095, wspace=0.26, hspace=0.5
+        left=0.085,
+        right=0.985,
+        top=1 - 0.75 / height,
+        bottom=0.68 / height,
+        wspace=0.26,
+        hspace=0.36,
     )
     for axes, (name, points) in zip(grid.flat, chosen.items(), strict=True):
         _draw_small(axes, name, points)
     figure.supxlabel(
-        "processor seconds per simulated second, one thread", fontsize=SIZE + 0.5, y=0.008
+        "processor seconds per simulated second, one thread",
+        fontsize=SIZE + 0.5,
+        y=0.08 / height,
     )
     figure.supylabel("error [%]", fontsize=SIZE + 0.5, x=0.008)
     handles, labels = grid.flat[0].get_legend_handles_labels()
@@ -117,7 +124,7 @@ def _leave_room(axes: Any) -> None:
     """Below the curves, for what the front sets, and to their right, for the slopes."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     axes.set_xlim(left, right * (right / left) ** 0.12)
-    axes.set_ylim(low * (low / high) ** 0.3, high)
+    axes.set_ylim(low * (low / high) ** 0.2, high)
 
 
 def _guides(axes: Any) -> None:
@@ -125,7 +132,7 @@ def _guides(axes: Any) -> None:
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     begin, end = (left * (right / left) ** share for share in (0.62, 0.9))
     start = low * (high / low) ** 0.93
-    label = "order of dx: 1, 2"
+    label = "slopes of order 1 and 2 in dx"
     for order in (1, 2):
         last = start * (end / begin) ** (-order / 3)
         axes.plot([begin, end], [start, last], "-", color=GUIDE, linewidth=1.0, label=label)

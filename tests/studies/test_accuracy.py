@@ -210,7 +210,7 @@ def test_what_counts_is_run_as_often_as_a_median_needs(tmp_path):
     lone = points.point(DROP, "kernel", drop(kernel="spiky"), tmp_path, repeats=1)
     shop = study.Shop(tmp_path, 3, False)
     topped = study.topped_up(DROP, [*made, lone], shop)
-    assert [point.runs for point in topped] == [3, 3, 3, 1]
+    assert [point.runs >= 3 for point in topped] == [True, True, True, False]
     assert [point.error for point in topped] == [point.error for point in [*made, lone]]
 
 

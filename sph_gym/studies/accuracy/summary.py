@@ -183,8 +183,8 @@ def _draw_gains(figure: Any, by_scene: Mapping[str, Sequence[Point]], height: fl
     )  # fmt: skip
     figure.text(
         0.02, 0.12 / height,
-        "·  none helps     -  not turned, or not measured at two resolutions or more     "
-        "*  errors are partly chance\n"
+        "·  none helps     -  not turned, not at two resolutions, or it makes mush of the fluid    "
+        " *  partly chance\n"
         ">, <  at least, at most: its errors lie outside of what the scene's own settings have",
         fontsize=SIZE, color="#333333", linespacing=1.4,
     )  # fmt: skip

@@ -33,6 +33,8 @@ ROUNDING = 1e-9
 PROBES, ENOUGH = 3, 0.5
 # How many choices are tried out in a case, and seconds that a run of one may take.
 MOST_TRIALS, AFFORDABLE = 12, 10.0
+# Of how many lines the finest setting is run, where none promises enough.
+MOST_FINEST = 2
 
 
 # --- Choosing -------------------------------------------------------------------------------
@@ -55,19 +57,37 @@ def for_effort(lines: Sequence[Line], effort: float) -> Choice | None:
 Probe = Callable[[Setting], tuple[float, float]]
 
 
-def corrected(line: Line, across: int, error: float, effort: float) -> Line:
-    """A line in a case that it wasn't fitted to, by a run of one of its settings there.
+# By particles across, what a line gave in a case: error and effort.
+Runs = dict[int, tuple[float, float]]
 
-    Errors and promises grow by measured / expected error, and never shrink, since one small error
-    may be luck; efforts change by measured / expected effort.
+
+def corrected(line: Line, runs: Runs) -> Line:
+    """A line in a case that it wasn't fitted to, by runs of some of its settings there.
+
+    Errors and promises grow by measured / expected error, and never shrink, since a small error
+    may be luck; efforts change by measured / expected effort; between the runs, on logarithmic
+    scales. What was run itself has no doubt.
     """
-    there = line.at(across)
-    factor = max(error / there.error, 1.0)
-    return line._replace(
-        error=factor * line.error,
-        promised=factor * line.promised,
-        effort=effort / there.effort * line.effort,
+    if not runs:
+        return line
+    ran = sorted(runs)
+    there = [line.at(n) for n in ran]
+    larger = [max(runs[n][0] / expected.error, 1.0) for n, expected in zip(ran, there, strict=True)]
+    slower = [runs[n][1] / expected.effort for n, expected in zip(ran, there, strict=True)]
+    nodes = sorted({*map(int, line.across), *ran})
+    known_at = [line.at(n) for n in nodes]
+    factor, pace = (
+        np.exp(np.interp(np.log(nodes), np.log(ran), np.log(ratio))) for ratio in (larger, slower)
     )
+    error, promised, effort, compression, mach = (
+        np.array([getattr(choice, name) for choice in known_at])
+        for name in ("error", "promised", "effort", "compression", "mach")
+    )
+    error, promised = factor * error, factor * promised
+    return Line(
+        line.setting, np.array(nodes, float), error, np.where(np.isin(nodes, ran), error, promised),
+        pace * effort, compression, mach,
+    )  # fmt: skip
 
 
 class Settled(NamedTuple):
@@ -92,27 +112,43 @@ def settle(
     """The choice among lines that are corrected for the case until the choice itself was run.
 
     First by their coarsest setting, then by what would be chosen, if that takes at most an
-    `affordable` effort; what blows up is withdrawn with its line.
+    `affordable` effort. Where nothing can be chosen, the finest setting of the most promising lines
+    is run too. What blows up is withdrawn with its line.
     """
-    waiting, done = {line.setting: line for line in lines}, dict[Setting, Line]()
-    errors, trials = dict[Setting, float](), list[tuple[Choice, float]]()
+    left = {line.setting: line for line in lines}
+    ran: dict[Setting, Runs] = {line.setting: {} for line in lines}
+    trials: list[tuple[Choice, float]] = []
     while True:
-        known_now = [*waiting.values(), *done.values()]
+        known_now = [corrected(line, ran[name]) for name, line in left.items()]
         choice = choose(known_now)
-        if choice is None:
+        wanted = choice or _finest(known_now, ran, affordable)
+        if wanted is None:
             return Settled(None, known_now, math.nan, trials)
-        setting, first = choice.setting, choice.setting.line in waiting
-        dear = not first and (choice.effort > affordable or len(trials) >= MOST_TRIALS)
-        if setting in errors or dear:
-            return Settled(choice, known_now, errors.get(setting, math.nan), trials)
-        line = waiting.pop(setting.line) if first else done.pop(setting.line)
-        across = int(line.across[0]) if first else setting.across
-        error, effort = probe(setting._replace(across=across))
-        if not first:
-            trials.append((choice, error))
+        runs, across = ran[wanted.setting.line], wanted.setting.across
+        dear = runs and (wanted.effort > affordable or len(trials) >= MOST_TRIALS)
+        if across in runs or dear:
+            return Settled(wanted, known_now, runs.get(across, (math.nan,))[0], trials)
+        line = left[wanted.setting.line]
+        across = across if runs else int(line.across[0])
+        error, effort = probe(wanted.setting._replace(across=across))
+        if runs and choice is not None:
+            trials.append((wanted, error))
         if error > 0:
-            errors[setting._replace(across=across)] = error
-            done[line.setting] = corrected(line, across, error, effort)
+            runs[across] = error, effort
+        else:
+            del left[line.setting]
+
+
+def _finest(lines: Sequence[Line], ran: dict[Setting, Runs], affordable: float) -> Choice | None:
+    """The finest setting of the line that promises least there, unless enough of them were run."""
+    ends = [line.at(int(line.across[-1])) for line in lines]
+    tried = sum(end.setting.across in ran[end.setting.line] for end in ends)
+    left = [
+        end
+        for end in ends
+        if end.effort <= affordable and end.setting.across not in ran[end.setting.line]
+    ]
+    return None if tried >= MOST_FINEST else min(left, key=lambda e: e.promised, default=None)
 
 
 def _probe(case: Problem) -> Probe:

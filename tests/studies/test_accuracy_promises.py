@@ -76,9 +76,11 @@ def test_promises_are_tried_between_the_resolutions_and_in_other_cases(tmp_path,
     assert [row.bound for row in reached] == [promises.LEAST_REACHED] * 2
     assert all(row.holds for row in reached)
     assert {trial.found.key for trial in trials} == {r["key"] for r in promises.records(trials)}
-    blown = [t._replace(found=t.found._replace(error=math.nan), answered=False) for t in trials]
+    blown = [t._replace(answered=False, early=math.inf) for t in trials]
     assert not any(row.holds for row in told(both, blown, "within reach"))
     assert all(row.value > 0 for row in told(both, blown, "blew up"))
+    missed = [t._replace(early=1.6) for t in trials]
+    assert all(row.value > 0 for row in told(both, missed, "missed its promise"))
 
 
 def test_another_case_is_told_what_anybody_would_be():
@@ -99,9 +101,17 @@ def test_another_case_is_told_what_anybody_would_be():
     answers = list(promises._elsewhere(fitted, probe))
     assert {choice.setting.kernel for choice in promises._between(fitted)} == {"spiky"}
     assert len(answers) == len(promises.ASKED)
-    assert all(answered for _, _, answered in answers)
-    assert {choice.setting.kernel for _, choice, _ in answers} == {"wendland_c2"}
-    assert all(choice.setting.across != 6 for _, choice, _ in answers)
+    assert all(answered for _, _, answered, _ in answers)
+    assert {choice.setting.kernel for _, choice, *_ in answers} == {"wendland_c2"}
+    # none is the very run that made the answer, and some promises had to be corrected by it
+    assert not {choice.setting.across for _, choice, *_ in answers} & {6, 8, 10}
+    assert all(early <= 1.001 or math.isnan(early) for *_, early in answers)
+
+    def worse(setting):
+        return 0.1 / setting.across * (1 + (setting.across > 6)), 9.0 * setting.across**3
+
+    answers = list(promises._elsewhere(fitted, worse))
+    assert max(early for *_, early in answers if early > 0) > 1.5
     assert list(promises._elsewhere(fitted, lambda setting: (math.nan, 1.0))) == []
 
 

@@ -29,7 +29,8 @@ class Trial(NamedTuple):
     """A recommendation that was tried out.
 
     other: the case, 0 for the one that was fitted; asked: the error that was asked for; answered:
-    whether there was an answer in the end.
+    whether there was an answer in the end; early: measured / promised error of what would have been
+    advised had it not been run first, infinite after a blow-up, NaN if nothing was.
     """
 
     other: int
@@ -37,6 +38,7 @@ class Trial(NamedTuple):
     choice: Choice
     found: Point
     answered: bool = True
+    early: float = math.nan
 
 
 def samples(points: Sequence[Point]) -> list[Sample]:
@@ -58,8 +60,8 @@ def tried(
     """Recommendations between the fitted resolutions and in other cases, with their runs.
 
     None without a line, nor where errors lie within their scatter, since all promises are then the
-    same. In other cases, what is tried is what anybody would be told who asks for it, before its
-    own run has corrected it. again: take the times anew.
+    same. In other cases, anybody who asks is told what was run there; what is tried is the setting
+    next to it, of which the same line makes a promise. again: take the times anew.
     """
     every = samples(points)
     lines = measured.fit(every)
@@ -74,8 +76,8 @@ def tried(
         for choice, asked in _between(lines).items()
     ]  # fmt: skip
     for other in range(1, len(scene.others) + 1):
-        for asked, choice, answered in _elsewhere(lines, _probe(partial(run, other=other))):
-            found.append(Trial(other, asked, choice, run(choice.setting, other), answered))
+        for asked, choice, *known in _elsewhere(lines, _probe(partial(run, other=other))):
+            found.append(Trial(other, asked, choice, run(choice.setting, other), *known))
     return found
 
 
@@ -111,10 +113,10 @@ def _between(lines: Sequence[Line]) -> dict[Choice, float]:
 
 def _elsewhere(
     lines: Sequence[Line], probe: recommend.Probe
-) -> Iterator[tuple[float, Choice, bool]]:
-    """Recommendations for these errors in another case, and whether there was one in the end.
+) -> Iterator[tuple[float, Choice, bool, float]]:
+    """Of these errors in another case: what is next to the answer, if any, and how it came to it.
 
-    One that is the very run that corrected it gives way to the next finer.
+    The last two are those of a `Trial`.
     """
     for target in _targets(lines):
 
@@ -122,13 +124,16 @@ def _elsewhere(
             return recommend.for_error(lines, target)
 
         settled = recommend.settle(lines, choose, probe)
-        answered = settled.choice is not None
+        early = math.nan
         if settled.trials:
-            yield target, settled.trials[0][0], answered
-        elif settled.choice is not None:
+            advised, error = settled.trials[0]
+            early = error / advised.promised if error > 0 else math.inf
+        if settled.choice is not None:
             own = settled.choice.setting
             line = next(line for line in settled.lines if line.setting == own.line)
-            yield target, _off_grid(line, own.across), answered
+            yield target, _off_grid(line, own.across), True, early
+        elif settled.trials:
+            yield target, advised, False, early
 
 
 def _off_grid(line: Line, across: int) -> Choice:
@@ -155,8 +160,10 @@ def rows(scene: Problem, trials: Sequence[Trial]) -> Iterator[Row]:
     for other in range(1, len(scene.others) + 1 if trials else 1):
         here = [trial for trial in trials if trial.other == other]
         case, n = f"{scene.scene}, {_case(scene, other)}", f" of {len(ASKED)} errors"
-        blown = sum(not trial.found.good for trial in here)
+        blown = sum(math.isinf(trial.early) for trial in here)
         yield Row(f"blew up when tried and was withdrawn,{n}", case, blown, "")
+        missed = sum(FACTOR < trial.early < math.inf for trial in here)
+        yield Row(f"missed its promise when tried and was corrected,{n}", case, missed, "")
         reached = sum(trial.answered for trial in here)
         yield Row(f"within reach,{n}", case, reached, "", LEAST_REACHED, at_least=True)
     if not scene.others:
@@ -167,7 +174,7 @@ def _kept(scene: Problem, trial: Trial) -> Iterator[Row]:
     choice, found = trial.choice, trial.found
     case = f"{scene.scene}, {_case(scene, trial.other)}, {100 * choice.promised:.2g} % promised"
     where = f"{case}, {choice.setting.across} across"
-    if not found.good and trial.other:
+    if not trial.answered:
         return
     error, time = found.error / choice.promised, found.effort / choice.effort
     yield Row("measured / promised error", where, error if found.good else math.inf, "", FACTOR)
@@ -194,7 +201,8 @@ def records(trials: Sequence[Trial]) -> list[dict[str, Any]]:
             "expected_error": t.choice.error, "promised_error": t.choice.promised,
             "error": t.found.error, "expected_effort": t.choice.effort, "effort": t.found.effort,
             "compression": t.found.compression, "mach": t.found.mach, "cause": t.found.cause,
-            "answered": t.answered, "key": t.found.key, **t.choice.setting._asdict(),
+            "answered": t.answered, "early": t.early, "key": t.found.key,
+            **t.choice.setting._asdict(),
         }
         for t in trials
     ]  # fmt: skip

@@ -76,8 +76,9 @@ def tried(
         for choice, asked in _between(lines).items()
     ]  # fmt: skip
     for other in range(1, len(scene.others) + 1):
-        for asked, choice, *known in _elsewhere(lines, _probe(partial(run, other=other))):
-            found.append(Trial(other, asked, choice, run(choice.setting, other), *known))
+        for asked, choice, answered, early in _elsewhere(lines, _probe(partial(run, other=other))):
+            ran = run(choice.setting, other)
+            found.append(Trial(other, asked, choice, ran, answered, early))
     return found
 
 

@@ -33,6 +33,8 @@ ROUNDING = 1e-9
 PROBES, ENOUGH = 3, 0.5
 # How many choices are tried out in a case, and seconds that a run of one may take.
 MOST_TRIALS, AFFORDABLE = 12, 10.0
+# Of what is promised in a case of which only some runs are known, for all other settings.
+MARGIN = 1.25
 # Of how many lines the finest setting is run, where none promises enough.
 MOST_FINEST = 2
 
@@ -66,7 +68,7 @@ def corrected(line: Line, runs: Runs) -> Line:
 
     Errors and promises grow by measured / expected error, and never shrink, since a small error
     may be luck; efforts change by measured / expected effort; between the runs, on logarithmic
-    scales. What was run itself has no doubt.
+    scales. What was run itself has no doubt, and all else a margin.
     """
     if not runs:
         return line
@@ -83,7 +85,7 @@ def corrected(line: Line, runs: Runs) -> Line:
         np.array([getattr(choice, name) for choice in known_at])
         for name in ("error", "promised", "effort", "compression", "mach")
     )
-    error, promised = factor * error, factor * promised
+    error, promised = factor * error, MARGIN * factor * promised
     return Line(
         line.setting, np.array(nodes, float), error, np.where(np.isin(nodes, ran), error, promised),
         pace * effort, compression, mach,
@@ -112,8 +114,8 @@ def settle(
     """The choice among lines that are corrected for the case until the choice itself was run.
 
     First by their coarsest setting, then by what would be chosen, if that takes at most an
-    `affordable` effort. Where nothing can be chosen, the finest setting of the most promising lines
-    is run too. What blows up is withdrawn with its line.
+    `affordable` effort, until one keeps what it promises. Where nothing can be chosen, the finest
+    setting of the most promising lines is run too. What blows up is withdrawn with its line.
     """
     left = {line.setting: line for line in lines}
     ran: dict[Setting, Runs] = {line.setting: {} for line in lines}
@@ -124,19 +126,24 @@ def settle(
         wanted = choice or _finest(known_now, ran, affordable)
         if wanted is None:
             return Settled(None, known_now, math.nan, trials)
-        runs, across = ran[wanted.setting.line], wanted.setting.across
-        dear = runs and (wanted.effort > affordable or len(trials) >= MOST_TRIALS)
+        line, across = wanted.setting.line, wanted.setting.across
+        first, runs = not ran[line], ran[line]
+        dear = not first and (wanted.effort > affordable or len(trials) >= MOST_TRIALS)
         if across in runs or dear:
             return Settled(wanted, known_now, runs.get(across, (math.nan,))[0], trials)
-        line = left[wanted.setting.line]
-        across = across if runs else int(line.across[0])
-        error, effort = probe(wanted.setting._replace(across=across))
-        if runs and choice is not None:
-            trials.append((wanted, error))
-        if error > 0:
-            runs[across] = error, effort
-        else:
-            del left[line.setting]
+        across = int(left[line].across[0]) if first else across
+        error, effort = probe(line._replace(across=across))
+        if not first and choice is not None:
+            trials.append((choice, error))
+        if not error > 0:
+            del left[line]
+            continue
+        runs[across] = error, effort
+        kept = error <= wanted.promised and effort <= MARGIN * wanted.effort
+        if kept and not first and choice is not None:
+            known_now = [corrected(left[name], ran[name]) for name in left]
+            told = corrected(left[line], runs).at(across)
+            return Settled(told, known_now, error, trials)
 
 
 def _finest(lines: Sequence[Line], ran: dict[Setting, Runs], affordable: float) -> Choice | None:

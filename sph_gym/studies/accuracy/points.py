@@ -22,7 +22,7 @@ from sph_gym.studies.accuracy.running import Outcome, execute
 from sph_gym.studies.accuracy.settings import Setting, build
 
 # What is short is run more often, up to so much time [s] and so many runs.
-PATIENCE, MOST = 0.2, 5
+PATIENCE, MOST = 0.1, 5
 # So is what differs: up to so much of the median, the three runs around it.
 AGREED, FEWEST = 0.15, 3
 # An error above this is none that a diagram could show: 1000 %.

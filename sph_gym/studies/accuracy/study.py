@@ -39,6 +39,8 @@ TIME = "cost"
 NOISE, USUAL_NOISE = 0.25, 0.15
 # Seconds on the wall that a quick and a whole study may take.
 PATIENCE = {True: 120.0, False: 5400.0}
+# Runs of a point of which it isn't known yet whether it counts.
+BRIEFLY = 2
 # Lines that are run at all resolutions, usually.
 USUAL_LINES = 8
 
@@ -107,7 +109,9 @@ def collect(scene: Problem, plan: Plan, shop: Shop, title: str = "") -> list[Poi
             progress.update()
             return found
 
-        points = [get(knob, setting) for knob, setting in turned]
+        # whether they count is only known afterwards
+        once = shop._replace(repeats=min(shop.repeats, BRIEFLY))
+        points = [get(knob, setting, once) for knob, setting in turned]
         have = {found.setting: found for found in points}
 
         def climb(line: Setting, seller: Shop) -> None:
@@ -119,15 +123,14 @@ def collect(scene: Problem, plan: Plan, shop: Shop, title: str = "") -> list[Poi
 
         for line in lines(plan, scene, have):
             climb(line, shop)
-        # whether they count at all is only known afterwards
         for line in alone(plan, scene, have):
-            climb(line, shop._replace(repeats=1))
+            climb(line, once)
         return at_usual_speed(topped_up(scene, points, shop))
 
 
 def topped_up(scene: Problem, points: Sequence[Point], shop: Shop) -> list[Point]:
     """The points of a scene, with as many runs of all that count as make a median."""
-    counted = {found.key for found in sober(points)}
+    counted = {found.key for found in (*sober(points), *rungs(points))}
     seller = shop._replace(again=False)
     return [
         seller.buy(scene, p.knob, p.setting) if p.key in counted and p.runs < shop.repeats else p

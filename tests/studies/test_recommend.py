@@ -197,15 +197,17 @@ def test_another_case_corrects_what_is_promised():
     [line] = measured.fit(samples())
     better = recommend.corrected(line, {10: (3 * 0.02, 2 * 100.0 * 10**3)})
     # what was run has no doubt, all else a margin
-    margin = np.array([1.0, recommend.MARGIN, recommend.MARGIN])
+    margin = recommend.MARGIN
     assert better.promised == pytest.approx(3 * margin * line.promised)
+    assert better.at(10).promised == pytest.approx(3 * 0.02)
+    assert better.at(11).promised == pytest.approx(3 * margin * 0.2 / 11)
     assert better.error == pytest.approx(3 * line.error)
     assert better.effort == pytest.approx(2 * line.effort)
     lucky = recommend.corrected(line, {10: (1e-4, line.effort[0])})
     assert lucky.promised == pytest.approx(margin * line.promised)
     both = {10: (3 * 0.02, 100.0 * 10**3), 40: (2 * 0.005, 100.0 * 40**3)}
     bent = recommend.corrected(line, both)
-    assert bent.promised == pytest.approx([0.06, recommend.MARGIN * 6**0.5 * 0.01, 0.01])
+    assert bent.promised == pytest.approx(margin * np.array([0.06, 6**0.5 * 0.01, 0.01]))
     assert recommend.corrected(line, {}) is line
 
 
@@ -217,9 +219,8 @@ def test_where_nothing_promises_enough_the_finest_is_run():
         return 0.2 / setting.across * (1 + 4 * (setting.across == 10)), 100.0 * setting.across**3
 
     settled = recommend.settle(lines, lambda lines: recommend.for_error(lines, 0.006), probe)
-    # by it, a coarser one is found
-    assert settled.choice.setting.across == 38
-    assert settled.error == pytest.approx(0.2 / 38)
+    assert settled.choice.setting.across == 40
+    assert settled.error == pytest.approx(0.005)
     assert recommend.settle(
         lines, lambda lines: recommend.for_error(lines, 0.004), probe
     ).choice is None  # fmt: skip

@@ -23,7 +23,8 @@ class Line(NamedTuple):
 
     across, error, promised, effort, compression, mach: (n,) particles across, coarse first, the
     largest error that was measured there or at finer ones, what is promised, the effort, and how
-    far the fluid is from an incompressible one.
+    far the fluid is from an incompressible one. exact: particles across, and the error of what was
+    run itself, which is promised without any doubt.
     """
 
     setting: Setting
@@ -33,6 +34,7 @@ class Line(NamedTuple):
     effort: Array
     compression: Array
     mach: Array
+    exact: tuple[tuple[int, float], ...] = ()
 
     def at(self, across: int) -> "Choice":
         """Between the measured resolutions, on logarithmic scales."""
@@ -41,6 +43,7 @@ class Line(NamedTuple):
             math.exp(float(np.interp(x, known_at, np.log(y))))
             for y in (self.error, self.promised, self.effort)
         )
+        promised = dict(self.exact).get(across, promised)
         soft = (float(np.interp(x, known_at, y)) for y in (self.compression, self.mach))
         return Choice(self.setting._replace(across=across), error, promised, effort, *soft)
 

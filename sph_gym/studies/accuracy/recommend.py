@@ -85,10 +85,11 @@ def corrected(line: Line, runs: Runs) -> Line:
         np.array([getattr(choice, name) for choice in known_at])
         for name in ("error", "promised", "effort", "compression", "mach")
     )
-    error, promised = factor * error, MARGIN * factor * promised
+    error = factor * error
+    exact = tuple((n, float(error[nodes.index(n)])) for n in ran)
     return Line(
-        line.setting, np.array(nodes, float), error, np.where(np.isin(nodes, ran), error, promised),
-        pace * effort, compression, mach,
+        line.setting, np.array(nodes, float), error, MARGIN * factor * promised, pace * effort,
+        compression, mach, exact,
     )  # fmt: skip
 
 

@@ -36,7 +36,7 @@ from sph_gym.studies.table import Row
 FOLDER = Path("runs/studies")
 TIME = "cost"
 # Of the times of a point, over their median: the 90th of a hundred points, and the one between.
-NOISE, USUAL_NOISE = 0.25, 0.15
+NOISE, USUAL_NOISE = 0.2, 0.1
 # Seconds on the wall that a quick and a whole study may take.
 PATIENCE = {True: 120.0, False: 5400.0}
 # Runs of a point of which it isn't known yet whether it counts.

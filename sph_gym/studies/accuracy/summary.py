@@ -149,7 +149,7 @@ def _label(scene: Problem, best: Sequence[Point]) -> str:
         return ""
     line, _ = Counter(point.setting.line for point in best).most_common(1)[0]
     changes = words(line.differences(nominal(scene)))
-    return textwrap.fill(", ".join(changes) or "its own settings", 30)
+    return textwrap.fill("front: " + (", ".join(changes) or "its own settings"), 30)
 
 
 # --- What each knob buys --------------------------------------------------------------------

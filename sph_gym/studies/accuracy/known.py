@@ -19,6 +19,8 @@ from sph_gym.studies.accuracy.problems import problem
 from sph_gym.studies.accuracy.settings import nominal
 
 TIME = "cost"
+# Gains below it are none.
+NOTICED = 1.05
 CHEAPEST = ("scene", "target", "error", "seconds", "across", "changes")
 GAINS = ("scene", "knob", "elasticity", "value", "gain", "bound")
 
@@ -98,6 +100,8 @@ def tell(scene: str) -> Iterator[str]:
         label = STYLES[row["knob"]][2] if row["knob"] in STYLES else "resolution"
         gain = " ".join(filter(None, [row["bound"], row["gain"]]))
         value = f"{gain} with {row['value']}" if row["value"] else ""
+        if value and float(row["gain"]) < NOTICED:
+            value = "none helps"
         yield f"  {label:<22}{row['elasticity'] or '-':>7}  {value}".rstrip()
 
 
@@ -107,8 +111,13 @@ def page(folder: Path, scenes: Sequence[str]) -> str:
         rows = list(csv.DictReader(file))
     targets = [f"{100 * target:g} %" for target in fronts.TARGETS]
     lines = [f"| scene | {' | '.join(targets)} |", "|---" * (len(targets) + 1) + "|"]
+    missing = []
     for scene in scenes:
         own = [row for row in rows if row["scene"] == scene]
         cells = [f"{row['seconds']} s, {row['across']}" if row["error"] else "-" for row in own]
-        lines.append(f"| {scene.replace('_', ' ')} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        name = scene.replace("_", " ")
+        if any(row["error"] for row in own):
+            lines.append(f"| {name} | {' | '.join(cells)} |")
+        else:
+            missing.append(name)
+    return "\n".join([*lines, *([f"\nNone of them: {', '.join(missing)}."] if missing else [])])

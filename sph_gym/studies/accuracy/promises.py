@@ -21,8 +21,9 @@ FACTOR = 1.5
 ASKED = (0.05, 0.3, 0.5, 0.7, 0.95)
 # Of these, how many must have an answer in another case.
 LEAST_REACHED = 3.0
-# Of the error to expect, what a run between resolutions has at least: else it is no expectation.
-LEAST_SHARE = 0.5
+# The error to expect between resolutions may be so many times the measured one: else, nobody would
+# expect it.
+CAREFUL = 2.0
 
 
 class Trial(NamedTuple):
@@ -181,10 +182,9 @@ def _kept(scene: Problem, trial: Trial) -> Iterator[Row]:
     yield Row("measured / promised error", where, error if found.good else math.inf, "", FACTOR)
     yield Row("measured / expected time", where, time if found.good else math.inf, "", FACTOR)
     if found.good:
-        yield Row("promised / measured error", where, 1 / error, "")
-        bound = None if trial.other else LEAST_SHARE
-        share = found.error / choice.error
-        yield Row("measured / expected error", where, share, "", bound, at_least=bound is not None)
+        share, own = found.error / choice.error, not trial.other
+        yield Row("measured / expected error", where, share, "", FACTOR if own else None)
+        yield Row("expected / measured error", where, 1 / share, "", CAREFUL if own else None)
 
 
 def _case(scene: Problem, other: int) -> str:

@@ -94,10 +94,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_recommend(commands: Any) -> None:
-    recommend = commands.add_parser("recommend", help="settings for an error or a time")
+    recommend = commands.add_parser(
+        "recommend", help="settings for an error or a time; without either, what is known"
+    )
     recommend.set_defaults(function=_recommend)
     recommend.add_argument("scene", help="one that `study accuracy` has measured")
-    wanted = recommend.add_mutually_exclusive_group(required=True)
+    wanted = recommend.add_mutually_exclusive_group()
     wanted.add_argument("--error", metavar="SHARE", help="such as 0.01 or 1%%")
     wanted.add_argument(
         "--budget", metavar="TIME", help="processor time after compilation: 10s, 2min"
@@ -164,8 +166,13 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    from sph_gym.studies.accuracy import asking, recommend, telling
+    from sph_gym.studies.accuracy import asking, known, recommend, telling
 
+    if options.error is None and options.budget is None:
+        if options.set or options.table:
+            raise ValueError("--set, --table: expected --error or --budget beside it, got neither")
+        print(*known.tell(options.scene), sep="\n")
+        return 0
     advice = recommend.advise(
         options.scene,
         None if options.error is None else asking.parse_error(options.error),

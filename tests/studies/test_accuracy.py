@@ -34,6 +34,7 @@ def steady_clock(monkeypatch):
     """A benchmark that takes no time."""
     monkeypatch.setattr(points, "rate", lambda: 1e6)
     monkeypatch.setattr(points, "PATIENCE", 0.0)
+    monkeypatch.setattr(points, "AGREED", math.inf)
 
 
 @pytest.fixture
@@ -54,7 +55,10 @@ def drop(**changes):
 def test_every_problem_is_one_of_its_scene(name):
     problem = problems.problem(name)
     assert scenes.reference(name) is not None
-    assert {problem.length, *problem.arguments, *problem.other} <= set(scenes.parameters(name))
+    changed = {argument for other in problem.others for argument in other}
+    assert {problem.length, *problem.arguments, *changed} <= set(scenes.parameters(name))
+    # two other cases, or why there is none
+    assert problem.erratic or len(problem.others) == 2 or problem.single
     assert list(problem.sizes) == sorted(problem.sizes)
     assert problem.nominal in problem.sizes
     assert problem.build(problem.sizes[0]).dx == pytest.approx(
@@ -191,6 +195,26 @@ def test_a_blow_up_is_a_point_without_an_error(tmp_path):
     assert found.runs == 1
 
 
+def test_the_fluid_is_watched_without_being_touched():
+    outcome = execute(DROP, drop())
+    soft = execute(DROP, drop(sound=0.3))
+    assert 0 < outcome.compression < 0.02
+    assert soft.compression > outcome.compression
+    # twice as soft, and hardly another flow
+    assert soft.mach / outcome.mach == pytest.approx(1 / 0.3, rel=0.2)
+
+
+def test_what_counts_is_run_as_often_as_a_median_needs(tmp_path):
+    made = [
+        points.point(DROP, "resolution", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
+    ]
+    lone = points.point(DROP, "kernel", drop(kernel="spiky"), tmp_path, repeats=1)
+    shop = study.Shop(tmp_path, 3, False)
+    topped = study.topped_up(DROP, [*made, lone], shop)
+    assert [point.runs >= 3 for point in topped] == [True, True, True, False]
+    assert [point.error for point in topped] == [point.error for point in [*made, lone]]
+
+
 def test_interactions_are_neighbours_times_steps():
     outcome = execute(DROP, drop())
     at_start = Simulation(build(DROP, drop()), threads=1).neighbor_counts.sum()
@@ -238,7 +262,7 @@ def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
     assert all(math.isfinite(row.value) for row in timed)
     noisy = start._replace(spread=2.0)
     kept, broken = (
-        next(row for row in study.rows(DROP, [run]) if row.quantity.startswith("range of"))
+        next(row for row in study.rows(DROP, [run]) if row.quantity.startswith("spread of"))
         for run in (start._replace(spread=0.1), noisy)
     )
     assert kept.holds
@@ -251,7 +275,9 @@ def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
 def test_the_study_writes_rows_tables_and_pictures_and_goes_on_where_it_was(
     small, tmp_path, monkeypatch
 ):
-    rows = list(study.measure(False, tmp_path))
+    *rows, duration = study.measure(False, tmp_path)
+    assert duration.quantity == "duration of the study"
+    assert 0 < duration.value < duration.bound == 5400
     named = {row.quantity for row in rows}
     assert {
         "order of convergence",
@@ -264,14 +290,19 @@ def test_the_study_writes_rows_tables_and_pictures_and_goes_on_where_it_was(
     table = pd.read_csv(folder / "points.csv")
     again = pd.read_parquet(folder / "points.parquet")
     assert len(table) == len(again) == next(row.value for row in rows if row.quantity == "runs")
-    assert {"error", "wall", "interactions", "particles", "key"} <= set(table)
+    assert {"error", "wall", "interactions", "particles", "compression", "mach"} <= set(table)
+    promised = pd.read_csv(folder / "promises.csv")
+    for key in [*table["key"], *promised["key"]]:
+        assert (folder / "points" / f"{key}.json").exists()
+    assert (folder / "found" / "gains.csv").exists()
+    assert "| elliptical drop |" in (folder / "found" / "cheapest.md").read_text()
     assert table["key"].is_unique
     gains = pd.read_csv(folder / "elliptical_drop_gains.csv")
     assert set(gains["knob"]) == {"resolution", "width", "step", "sound", "controller"}
     for name in ("elliptical_drop", "summary"):
         assert (folder / f"{name}.png").stat().st_size > 20_000
     monkeypatch.setattr(points, "execute", lambda *a: pytest.fail("run again"))
-    assert list(study.measure(False, tmp_path)) == rows
+    assert list(study.measure(False, tmp_path))[:-1] == rows
 
 
 def test_scenes_and_options_are_checked(tmp_path, capsys):

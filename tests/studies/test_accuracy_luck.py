@@ -1,6 +1,8 @@
 import math
 from dataclasses import replace
 
+import pytest
+
 from sph_gym.studies.accuracy import gains, luck, points, problems, tables
 from sph_gym.studies.accuracy.settings import nominal
 
@@ -14,9 +16,10 @@ def drop(**changes):
 def made_up(setting, error, **known):
     """A point that wasn't run."""
     plain = points.Point(
-        "elliptical_drop", "", setting, 0.1, error, "", 1, 9, 9, 9, 1, 1, 1, 1, 1, 0, 0, "", 1
-    )
-    return plain._replace(key=str(setting), **known)
+        "elliptical_drop", "", setting, 0.1, error, "", 1, 9, 9, 9, 0.001, 0.1, 1, 1, 1, 1, 1, 0, 0,
+        "", 1,
+    )  # fmt: skip
+    return plain._replace(**{"key": str(setting), "effort": setting.across**3.0} | known)
 
 
 def test_luck_does_not_count():
@@ -31,10 +34,39 @@ def test_luck_does_not_count():
 def test_a_line_that_ends_before_the_finest_resolution_does_not_count():
     own = [made_up(drop(across=n), 0.1 / n, knob="nominal") for n in (6, 8, 10, 14)]
     lucky = [made_up(drop(across=n, kernel="spiky"), 1e-4) for n in (6, 8, 10)]
-    assert luck.sober([*own, *lucky]) == own
+    counted = luck.sober([*own, *lucky])
+    assert [point.setting for point in counted] == [point.setting for point in own]
+    assert [p.error for p in counted] == pytest.approx([p.error for p in own])
     unlucky = made_up(drop(across=14, kernel="spiky"), 0.05)
-    counted = luck.sober([*own, *lucky, unlucky])
-    assert [point.error for point in counted[4:]] == [0.05] * 4
+    assert len(luck.sober([*own, *lucky, unlucky])) == len(own)
+    worse = [made_up(drop(across=n, kernel="spiky"), e) for n, e in ((6, 0.3), (8, 1e-4))]
+    worse += [made_up(drop(across=n, kernel="spiky"), e) for n, e in ((10, 0.06), (14, 0.05))]
+    counted = luck.sober([*own, *worse])
+    assert [point.error for point in counted[4:]] == [0.3, 0.06, 0.06, 0.05]
+
+
+def test_the_finest_error_counts_as_the_others_lead_to_expect():
+    """XSPH in a droplet: nothing finer tells that its last error is luck."""
+    sizes, errors = (10, 14, 20, 28, 40), (0.372, 0.142, 0.080, 0.064, 0.0037)
+    found = [made_up(drop(across=n), e) for n, e in zip(sizes, errors, strict=True)]
+    counted = [point.error for point in luck.sober(found)]
+    assert counted[:4] == list(errors[:4])
+    assert 0.03 < counted[4] < 0.064
+
+
+def test_errors_that_grow_and_fluids_that_are_mush_do_not_count():
+    """A drop with spiky and continuity, whose error crosses zero and then grows."""
+    sizes, errors = (14, 20, 28, 40, 57, 80), (0.0032, 0.0010, 0.0034, 0.0047, 0.0057, 0.0061)
+    grows = [made_up(drop(across=n), e) for n, e in zip(sizes, errors, strict=True)]
+    assert luck.sober(grows) == []
+    # steep at first
+    steep = (9, 3, 1, 0.1, 0.2, 0.3)
+    late = [point._replace(error=e) for point, e in zip(grows, steep, strict=True)]
+    assert luck.sober(late) == []
+    falls = [point._replace(error=0.1 / point.setting.across) for point in grows]
+    assert len(luck.sober(falls)) == 6
+    for change in ({"compression": 0.03}, {"mach": 0.4}):
+        assert luck.sober([falls[0]._replace(**change), *falls[1:]]) == []
 
 
 def test_errors_within_their_scatter_have_no_front():
@@ -46,6 +78,8 @@ def test_errors_within_their_scatter_have_no_front():
         ]
 
     assert luck.front(ladder(0.1), "cost") == []
+    # each counts as much as the largest
+    assert len({point.error for point in luck.sober(ladder(0.1))}) == 1
     assert len(luck.front(ladder(1.0), "cost")) == 3
 
 

@@ -42,10 +42,12 @@ class Faked:
 
     cause = ""
 
-    def __init__(self, setting, good=True, knob=""):
+    def __init__(self, setting, good=True, knob="", slower=0.6):
         self.setting, self.knob = setting, knob
         self.error = 0.1 / setting.across * (1.01 if setting.step > 1 else 1.0)
         self.interactions = setting.across**3 / setting.step * setting.sound
+        self.effort = self.interactions * (1.0 if setting.dtype == "float64" else slower)
+        self.compression, self.mach = 0.001, 0.1
         self.good = good
 
 
@@ -83,6 +85,46 @@ def test_a_line_that_blew_up_is_not_built_upon():
     assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0), (1.0, 0.5)]
 
 
+@pytest.mark.parametrize(("slower", "dtype"), [(0.6, "float32"), (1.5, "float64")])
+def test_precision_is_chosen_by_measured_effort(slower, dtype):
+    """With a kernel whose tail is below its normal numbers, float32 takes longer."""
+    small = SMALL._replace(dtypes=("float32", "float64"), controllers=("tuned_cfl",))
+    found = {setting: Faked(setting, slower=slower) for _, setting in plan.sweeps(small, DROP)}
+    chain = []
+    for line in plan.lines(small, DROP, found):
+        chain.append(line)
+        found |= {s: Faked(s, slower=slower) for s in plan.ladder(small, DROP, line)}
+    assert {line.dtype for line in chain[:-1]} == {dtype}
+    # the rule stands by itself, so that its own gain can be told
+    assert chain[-1] == nominal(DROP).line._replace(controller="tuned_cfl")
+
+
+def test_mush_is_neither_combined_nor_anybodys_best():
+    small = SMALL._replace(controllers=())
+    found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
+    for setting, run in found.items():
+        run.knob = "sound" if setting.sound < 1 else "resolution"
+        run.compression = 0.03 if setting.sound < 1 else 0.001
+    chain = []
+    for line in plan.lines(small, DROP, found):
+        chain.append(line)
+        found |= {s: Faked(s) for s in plan.ladder(small, DROP, line)}
+    assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0)]
+    assert plan.alone(small, DROP, found) == []
+    points = [run for run in found.values() if run.setting.step == 1.0]
+    assert gains.best(points, "sound", "interactions") is None
+    for run in points:
+        run.compression = 0.001
+    assert gains.best(points, "sound", "interactions").gain == pytest.approx(2.0)
+
+
+def test_erratic_scenes_are_swept_and_not_combined():
+    erratic = replace(DROP, erratic=True)
+    found = {setting: Faked(setting) for _, setting in plan.sweeps(plan.FULL, erratic)}
+    assert len({s.across for s in found if s.step == 1.5}) == plan.FEWER
+    assert list(plan.lines(SMALL, erratic, found)) == plan.alone(SMALL, erratic, found) == []
+
+
 def test_a_gain_is_the_lower_median_of_all_resolutions():
     ladder = [Faked(nominal(DROP, n)) for n in (6, 8, 10)]
     faster = [Faked(run.setting._replace(sound=0.5)) for run in ladder]
@@ -108,7 +150,7 @@ def test_what_a_value_buys_is_told_of_all_resolutions():
     lucky = [Faked(run.setting._replace(kernel="spiky"), knob="kernel") for run in start]
     honest = [Faked(run.setting._replace(kernel="mueller"), knob="kernel") for run in start[:3]]
     for run in lucky:
-        run.error = 0.1 / 20
+        run.error = 0.1 / (10 + run.setting.across / 2)
     for run in lucky[3:]:
         run.knob = plan.COMBINED
     points = [*start, *lucky, *honest]

@@ -14,50 +14,74 @@ def steady_clock(monkeypatch):
     """A benchmark that takes no time."""
     monkeypatch.setattr(points, "rate", lambda: 1e6)
     monkeypatch.setattr(points, "PATIENCE", 0.0)
+    monkeypatch.setattr(points, "AGREED", math.inf)
 
 
 def drop(**changes):
     return nominal(DROP)._replace(**changes)
 
 
-def test_a_promise_that_is_broken_is_a_row_that_fails(tmp_path):
-    found = [
+def ladder(tmp_path):
+    return [
         points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
     ]
 
-    def told(found):
-        rows = promises.rows(DROP, found, tmp_path)
-        return [row for row in rows if row.quantity == "measured / promised error"]
 
-    kept = told(found)
+def told(problem, trials, quantity="measured / promised error"):
+    return [row for row in promises.rows(problem, trials) if row.quantity.startswith(quantity)]
+
+
+def test_a_promise_that_is_broken_is_a_row_that_fails(tmp_path):
+    found = ladder(tmp_path)
+    trials = promises.tried(DROP, found, tmp_path)
+    kept = told(DROP, trials)
     assert kept
     assert all(row.holds for row in kept)
     lied = [point._replace(error=point.error / 4) for point in found]
-    assert all(not row.holds for row in told(lied))
-    [none] = promises.rows(DROP, found[:2], tmp_path)
-    assert not none.holds
+    assert not any(row.holds for row in told(DROP, promises.tried(DROP, lied, tmp_path)))
+    timid = [t._replace(choice=t.choice._replace(error=9 * t.choice.error)) for t in trials]
+    assert not any(row.holds for row in told(DROP, timid, "expected / measured error"))
 
 
-def test_promises_are_tried_between_the_resolutions(tmp_path, monkeypatch):
-    found = [
-        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
-    ]
+def test_what_is_not_tried_is_told_of(tmp_path):
+    found = ladder(tmp_path)
+    # too short for a line
+    assert promises.tried(DROP, found[:2], tmp_path) == []
+    flat = [point._replace(error=0.03 + 1e-4 * k) for k, point in enumerate(found)]
+    assert promises.tried(DROP, flat, tmp_path) == []
+    [none, alone] = promises.rows(DROP, [])
+    assert "nothing to tell apart" in none.case
+    assert "only change the units" in alone.case
+
+
+def test_promises_are_tried_between_the_resolutions_and_in_other_cases(tmp_path, monkeypatch):
+    found = ladder(tmp_path)
     tried = []
     real = promises.point
-    monkeypatch.setattr(
-        promises,
-        "point",
-        lambda *a, **k: (
-            tried.append((a[2].across, a[6] if len(a) > 6 else k["other"])) or real(*a, **k)
-        ),
-    )
-    list(promises.rows(replace(DROP, other={"rate": 60.0}), found, tmp_path))
+
+    def watched(*given):
+        tried.append((given[2].across, given[6]))
+        return real(*given)
+
+    monkeypatch.setattr(promises, "point", watched)
+    both = replace(DROP, others=({"rate": 60.0}, {"rate": 70.0}), single="")
+    trials = promises.tried(both, found, tmp_path)
     assert {across for across, other in tried if not other} <= {7, 9}
-    elsewhere = [across for across, other in tried if other]
-    # the coarsest: by which the promise is corrected, once
-    assert elsewhere.count(6) == 1
-    assert set(elsewhere) <= {6, 7, 8, 9, 10}
-    assert len(elsewhere) > 1
+    for other in (1, 2):
+        elsewhere = [across for across, case in tried if case == other]
+        # the coarsest: by which the promise is corrected, once
+        assert elsewhere.count(6) == 1
+        assert set(elsewhere) <= {6, 7, 8, 9, 10}
+        assert len(elsewhere) > 1
+    reached = told(both, trials, "within reach")
+    assert [row.bound for row in reached] == [promises.LEAST_REACHED] * 2
+    assert all(row.holds for row in reached)
+    assert {trial.found.key for trial in trials} == {r["key"] for r in promises.records(trials)}
+    blown = [t._replace(answered=False, early=math.inf) for t in trials]
+    assert not any(row.holds for row in told(both, blown, "within reach"))
+    assert all(row.value > 0 for row in told(both, blown, "blew up"))
+    missed = [t._replace(early=1.6) for t in trials]
+    assert all(row.value > 0 for row in told(both, missed, "missed its promise"))
 
 
 def test_another_case_is_told_what_anybody_would_be():
@@ -72,25 +96,33 @@ def test_another_case_is_told_what_anybody_would_be():
     fitted = lines.fit([*cheap, *dear])
 
     def probe(setting):
-        return (math.nan if setting.kernel == "spiky" else 0.1 / 6), 9.0 * 6**3
+        bad = setting.kernel == "spiky"
+        return math.nan if bad else 0.1 / setting.across, 9.0 * setting.across**3
 
-    answers = promises._elsewhere(fitted, probe)
+    answers = list(promises._elsewhere(fitted, probe))
     assert {choice.setting.kernel for choice in promises._between(fitted)} == {"spiky"}
     assert len(answers) == len(promises.ASKED)
-    assert {choice.setting.kernel for choice in answers} == {"wendland_c2"}
-    assert all(choice.setting.across != 6 for choice in answers)
-    assert promises._elsewhere(fitted, lambda setting: (math.nan, 1.0)) == []
+    assert all(answered for _, _, answered, _ in answers)
+    assert {choice.setting.kernel for _, choice, *_ in answers} == {"wendland_c2"}
+    # none is the very run that made the answer, and some promises had to be corrected by it
+    assert not {choice.setting.across for _, choice, *_ in answers} & {6, 8, 10}
+    assert all(early <= 1.001 or math.isnan(early) for *_, early in answers)
+
+    def worse(setting):
+        return 0.1 / setting.across * (1 + (setting.across > 6)), 9.0 * setting.across**3
+
+    answers = list(promises._elsewhere(fitted, worse))
+    assert max(early for *_, early in answers if early > 0) > 1.5
+    assert list(promises._elsewhere(fitted, lambda setting: (math.nan, 1.0))) == []
 
 
 def test_times_of_promises_are_taken_anew_if_asked_for(tmp_path, monkeypatch):
-    found = [
-        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
-    ]
+    found = ladder(tmp_path)
     asked = []
     real = promises.point
-    monkeypatch.setattr(promises, "point", lambda *a, **k: asked.append(a[5]) or real(*a, **k))
+    monkeypatch.setattr(promises, "point", lambda *a: asked.append(a[5]) or real(*a))
     for again in (False, True):
-        list(promises.rows(DROP, found, tmp_path, again))
+        promises.tried(DROP, found, tmp_path, again)
     half = len(asked) // 2
     assert asked == [False] * half + [True] * half
     assert half

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import math
 import os
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import pytest
 
 from sph_gym.__main__ import main
 from sph_gym.studies import accuracy, store
-from sph_gym.studies.accuracy import peer, points, policies, problems, shelf
+from sph_gym.studies.accuracy import peer, points, policies, problems, rerun, shelf
 from sph_gym.studies.accuracy.running import execute
 from sph_gym.studies.accuracy.settings import nominal
 from sph_gym.studies.peers import Peers
@@ -46,6 +47,7 @@ def steady_clock(monkeypatch):
     """A benchmark that takes no time."""
     monkeypatch.setattr(points, "rate", lambda: 1e6)
     monkeypatch.setattr(points, "PATIENCE", 0.0)
+    monkeypatch.setattr(points, "AGREED", math.inf)
 
 
 def buy(folder, **changes):
@@ -163,19 +165,35 @@ def test_a_record_knows_the_version_and_the_commit_which_are_no_part_of_its_key(
     assert shelf.key_of(facts | {"versions": {}}) == found.key
 
 
-def test_one_point_is_run_again(tmp_path, capsys):
+def test_one_point_is_run_again(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(rerun, "rate", lambda: 1e6)
+    real, first = rerun.execute, []
+
+    def steady(*arguments):
+        first.append(real(*arguments))
+        return first[-1]._replace(own=found.own)
+
+    monkeypatch.setattr(rerun, "execute", steady)
     drop = problems.problem("elliptical_drop")
     setting = nominal(drop, 6)
     found = points.point(drop, "nominal", setting, tmp_path / "accuracy", repeats=1)
     command = ["study", "accuracy", "--output", str(tmp_path), "--point"]
     assert main([*command, found.key[:6]]) == 0
-    assert f"error kept: {found.error!r}, now: {found.error!r}" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert f"error kept: {found.error!r}, now: {found.error!r}" in printed
+    assert "now / kept: " in printed
     path = tmp_path / "accuracy" / "points" / f"{found.key}.json"
     kept = json.loads(path.read_text())
     kept["outcome"]["error"] *= 1 + 3e-16
     path.write_text(json.dumps(kept))
     assert main([*command, found.key]) == 1
     assert "the errors differ" in capsys.readouterr().out
+    path.write_text(json.dumps({**kept, "outcome": {**kept["outcome"], "error": found.error}}))
+    times = tmp_path / "accuracy" / "times" / path.name
+    taken = json.loads(times.read_text())
+    times.write_text(json.dumps(taken | {"own": [9 * own for own in taken["own"]]}))
+    assert main([*command, found.key]) == 1
+    assert "beyond a factor 1.5" in capsys.readouterr().out
     assert main([*command, "../x"]) == 2
     assert main([*command, "0" * 20]) == 2
     assert main(["study", "effects", "--point", "0"]) == 2

@@ -10,7 +10,7 @@ from sph_gym.studies.timing import Runner, own_clock
 # Fluid particles of the dam break, and particle-steps of one timed call.
 SIZE, WORK = 1000, 200_000
 # Seconds that a measurement takes: a careful one, and one beside a run of the study.
-CAREFUL, BRIEF = 2.0, 0.1
+CAREFUL, BRIEF = 2.0, 0.05
 
 
 @cache

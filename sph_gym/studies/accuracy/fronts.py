@@ -6,13 +6,13 @@ from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from sph_gym.studies.accuracy.trust import LEAST_ORDER
+
 # A knob that changes the cost by less than this factor has no elasticity: a slope over so short a
 # way changes its sign with the noise.
 NOTICED = 1.5
 # Of errors that are equal.
 ROUNDING = 1e-9
-# Of convergence: below it, errors differ by chance rather than by resolution.
-LEAST_ORDER = 0.3
 TARGETS = (0.05, 0.02, 0.01, 0.005)
 
 

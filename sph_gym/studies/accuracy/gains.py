@@ -1,12 +1,12 @@
 """What each knob buys: its values against the nominal ones, at several resolutions each."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from sph_gym.studies.accuracy import fronts
+from sph_gym.studies.accuracy import fronts, trust
 from sph_gym.studies.accuracy.fronts import Known, Worth
 from sph_gym.studies.accuracy.settings import Setting
 
@@ -23,6 +23,14 @@ class Tried(Known, Protocol):
     @property
     def setting(self) -> Setting:
         """Of all knobs."""
+
+    @property
+    def compression(self) -> float:
+        """As of an `Outcome`."""
+
+    @property
+    def mach(self) -> float:
+        """As of an `Outcome`."""
 
 
 class Turned(Tried, Protocol):
@@ -122,20 +130,38 @@ def _factor(pairs: Sequence[tuple[Run, Run]], name: str) -> float:
     return float(np.median(found)) if found else math.nan
 
 
-def best(points: Sequence[Run], knob: str, cost: str) -> Value | None:
+def best(
+    points: Sequence[Run], knob: str, cost: str, among: Callable[[str], bool] = lambda value: True
+) -> Value | None:
     """The value that buys most where all were tried; None where none went well there.
 
-    What it buys is then told of all resolutions at which it was run, the finer ones too.
+    among: which values are looked at. What it buys is then told of all resolutions at which it was
+    run, the finer ones too. A value that makes mush of the fluid buys nothing, nor does one whose
+    errors stop falling there.
     """
     bold = {str(p.setting.step) for p in points if p.setting.step > LONGEST}
     known = [value for value in values(points, knob, cost) if math.isfinite(value.gain)]
+    known = [value for value in known if among(value.value)]
     allowed = [value for value in known if knob != "step" or value.value not in bold]
+    ladder, found = _ladder(points), []
+    for value in allowed:
+        runs = _alike(points, knob, value)
+        if not trust.mush(runs) and not _stops_falling(ladder, runs):
+            found.append(_value(knob, value.value, ladder, runs, cost))
+    found = [value for value in found if math.isfinite(value.gain)]
     # what is only known to be at most so comes last
-    for value in sorted(allowed, key=lambda value: (value.bound != "<", value.gain), reverse=True):
-        found = _value(knob, value.value, _ladder(points), _alike(points, knob, value), cost)
-        if math.isfinite(found.gain):
-            return found
-    return None
+    return max(found, key=lambda value: (value.bound != "<", value.gain), default=None)
+
+
+def _stops_falling(ladder: Sequence[Run], runs: Sequence[Run]) -> bool:
+    """Whether errors come to rest or grow at the fine end, where the nominal ones fall."""
+    if not all(run.good for run in runs) or len(runs) < len(ladder):
+        return False
+    both = (
+        np.array(sorted((r.setting.across, r.error) for r in kind)).T for kind in (ladder, runs)
+    )
+    own, theirs = (trust.falls(across, errors) for across, errors in both)
+    return own and not theirs
 
 
 def _alike(points: Sequence[Run], knob: str, value: Value) -> list[Run]:

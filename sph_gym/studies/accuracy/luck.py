@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sph_gym.studies.accuracy import fronts, gains
+from sph_gym.studies.accuracy import fronts, gains, trust
 from sph_gym.studies.accuracy.plan import knobs, rungs
 from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.accuracy.problems import problem
@@ -17,24 +17,46 @@ def sober(points: Sequence[Point]) -> list[Point]:
     """Those of a scene on lines, and no error smaller than that of finer runs of the same line.
 
     A line is one setting at several resolutions up to the finest of all, at none of which it blew
-    up. An error that crosses zero is tiny for a moment, which says nothing of its neighbours; a
-    run with nothing finer beside it can't be told from such a moment.
+    up or was mush, and whose errors fall with dx. An error that crosses zero is tiny for a moment,
+    which says nothing of its neighbours; hence the finest counts at least as what the others lead
+    to expect. Where the scene's own errors don't fall, none counts less than the largest of them.
     """
     lines: dict[Setting, list[Point]] = {}
     for found in points:
         lines.setdefault(found.setting.line, []).append(found)
     finest = max((found.setting.across for found in points), default=0)
-    kept = {line for line, runs in lines.items() if _counts(runs, finest)}
-    return [_no_better(p, lines[p.setting.line]) for p in points if p.setting.line in kept]
+    floor = scatter(points)
+    kept = {line: _errors(runs) for line, runs in lines.items() if _counts(runs, finest, floor > 0)}
+    return [
+        p._replace(error=max(kept[p.setting.line][p.setting.across], floor))
+        for p in points
+        if p.setting.line in kept
+    ]
 
 
-def _counts(runs: Sequence[Point], finest: int) -> bool:
-    return whole([found.setting for found in runs], finest) and all(found.good for found in runs)
+def scatter(points: Sequence[Point]) -> float:
+    """The largest of a scene's own errors where they don't fall with dx, else 0."""
+    own = [found for found in rungs(points) if found.good]
+    return max(p.error for p in own) if len(own) > 1 and fronts.flat(own, "cost") else 0.0
 
 
-def _no_better(found: Point, alike: Sequence[Point]) -> Point:
-    finer = [other.error for other in alike if other.setting.across >= found.setting.across]
-    return found._replace(error=max(finer))
+def _counts(runs: Sequence[Point], finest: int, flat: bool) -> bool:
+    if not whole([found.setting for found in runs], finest) or trust.mush(runs):
+        return False
+    return all(found.good for found in runs) and (flat or trust.falls(*_sorted(runs)))
+
+
+def _sorted(runs: Sequence[Point]) -> tuple[trust.Array, trust.Array]:
+    """(n,) particles across, coarse first, and errors."""
+    found = np.array(sorted((run.setting.across, run.error) for run in runs), float)
+    return found[:, 0], found[:, 1]
+
+
+def _errors(runs: Sequence[Point]) -> dict[int, float]:
+    """By particles across, what the errors of a line count as."""
+    across, errors = _sorted(runs)
+    counts = trust.counted(across, errors)
+    return {int(n): float(error) for n, error in zip(across, counts, strict=True)}
 
 
 def front(points: Sequence[Point], cost: str) -> list[Point]:

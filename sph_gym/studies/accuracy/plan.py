@@ -11,11 +11,14 @@ from sph_gym.studies.accuracy.gains import LONGEST, Tried, Turned, gain
 from sph_gym.studies.accuracy.policies import RULES, available
 from sph_gym.studies.accuracy.problems import Problem, names
 from sph_gym.studies.accuracy.settings import DENSITIES, FIXED, Setting, nominal
+from sph_gym.studies.accuracy.trust import mush
 
 # Beyond this h / dx nobody goes: 50 neighbours.
 WIDEST = 5.0
 # At how many resolutions the knobs are turned: the nominal one and the next two coarser.
 TURNED = 3
+# The same for agents, whose search and training cost more than the runs, and where chance decides.
+FEWER = 2
 # Knobs whose values are numbers, for which an elasticity makes sense; runs of several at once.
 NUMBERS = ("resolution", "width", "step", "sound", "xsph")
 COMBINED = "combined"
@@ -76,19 +79,19 @@ def turned(plan: Plan, problem: Problem) -> list[int]:
 def sweeps(plan: Plan, problem: Problem) -> Iterator[tuple[str, Setting]]:
     """Knob and setting of every run in which one knob alone is turned; the nominal run first.
 
-    At the coarser resolutions, only knobs whose runs cost no search and no training.
+    Agents, which search or were trained, play at fewer resolutions; so do erratic scenes.
     """
     start = nominal(problem, middle(plan, problem))
     yield "nominal", start
     for across in sizes(plan, problem):
         if across != start.across:
             yield "resolution", start._replace(across=across)
-    for across in turned(plan, problem):
+    for k, across in enumerate(turned(plan, problem)):
         for knob, values in _values(plan, problem, start).items():
             for value in values:
                 bold = start._replace(**{"across": across, knob: value})  # type: ignore[arg-type]
-                agent = bold.controller not in (FIXED, *RULES)
-                if bold.line != start.line and not (agent and across != start.across):
+                dear = problem.erratic or bold.controller not in (FIXED, *RULES)
+                if bold.line != start.line and not (dear and k >= FEWER):
                     yield knob, bold
 
 
@@ -116,34 +119,50 @@ def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> Itera
 
     One knob after the other takes the value that buys most by itself, by deterministic work and
     at equal error. Each line keeps what the one before has, if that was better for it and went
-    well at every resolution. found: the runs so far, to which those of a line have been added
-    when the next one is asked for.
+    well at every resolution. The tuned CFL rule by itself comes last. found: the runs so far, to
+    which those of a line have been added when the next one is asked for. None for an erratic scene,
+    which has no front.
     """
     start = nominal(problem, middle(plan, problem))
-    nominal_line = ladder(plan, problem, start.line)
-    values = _worthwhile(plan, problem, found) if plan.chain else {}
+    nominal_line = [found[s] for s in ladder(plan, problem, start.line)]
+    chained = plan.chain and not problem.erratic
+    values = _worthwhile(plan, problem, found) if chained else {}
+    faster = values["dtype"].gain if "dtype" in values else 1.0
     present, best = start, 1.0
-    for knob, value in values.items():
-        bold = present._replace(**{knob: value})
+    for knob, worth in values.items():
+        bold = present._replace(**{knob: worth.value})
         yield bold.line
         runs = [found[s] for s in ladder(plan, problem, bold.line)]
-        changed = "dtype" if bold.dtype != start.dtype else ""
-        bought = _gain([found[s] for s in nominal_line], runs, changed)
-        if bought > best:
+        bought = _gain(nominal_line, runs, "interactions")
+        bought *= faster if bold.dtype != start.dtype else 1.0
+        if bought > best and not mush(runs):
             present, best = bold, bought
-    if plan.chain and "tuned_cfl" in plan.controllers:
-        yield start.line._replace(dtype=present.dtype, controller="tuned_cfl")
+    if chained and "tuned_cfl" in plan.controllers:
+        yield start.line._replace(controller="tuned_cfl")
 
 
 def alone(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> list[Setting]:
     """Settings, at no resolution, in which one knob has its best value: are they more than luck?"""
     line = nominal(problem, middle(plan, problem)).line
-    values = _worthwhile(plan, problem, found) if plan.chain else {}
-    return [line._replace(**{knob: values[knob]}) for knob in ALONE if knob in values]
+    if not plan.chain or problem.erratic:
+        return []
+    values = _worthwhile(plan, problem, found)
+    return [line._replace(**{knob: values[knob].value}) for knob in ALONE if knob in values]
 
 
-def _worthwhile(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> dict[str, Any]:
-    """Of each knob of the chain the value that buys most by itself, if it buys enough."""
+class Best(NamedTuple):
+    """A value of a knob and what it buys by itself."""
+
+    value: Any
+    gain: float
+
+
+def _worthwhile(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> dict[str, Best]:
+    """Of each knob of the chain the value that buys most by itself, if it buys enough.
+
+    Pairs are counted, since no noise is in them; of the precision, which changes their number by
+    nothing, the measured effort tells.
+    """
     swept = list(sweeps(plan, problem))
     nominal_line = [found[s] for knob, s in swept if knob in ("nominal", "resolution")]
     values = {}
@@ -152,17 +171,21 @@ def _worthwhile(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) ->
         for name, s in swept:
             if name == knob and s.step <= LONGEST:
                 tried.setdefault(getattr(s, knob), []).append(found[s])
-        bought = {value: _gain(nominal_line, runs, knob) for value, runs in tried.items()}
-        value = max(bought, key=lambda value: bought[value], default=None)
-        if value is not None and bought[value] >= WORTHWHILE:
-            values[knob] = value
+        cost = "effort" if knob == "dtype" else "interactions"
+        bought = [
+            Best(value, _gain(nominal_line, runs, cost))
+            for value, runs in tried.items()
+            if not mush(runs)
+        ]
+        best = max(bought, key=lambda best: best.gain, default=None)
+        if best is not None and best.gain >= WORTHWHILE:
+            values[knob] = best
     return values
 
 
-def _gain(nominal_line: Sequence[Tried], runs: Sequence[Tried], knob: str) -> float:
-    bought = gain(nominal_line, runs, "interactions")
-    # half the bytes take about two thirds of the time, which no count of pairs tells
-    return bought * (1.3 if knob == "dtype" else 1.0) if math.isfinite(bought) else 0.0
+def _gain(nominal_line: Sequence[Tried], runs: Sequence[Tried], cost: str) -> float:
+    bought = gain(nominal_line, runs, cost)
+    return bought if math.isfinite(bought) else 0.0
 
 
 def ladder(plan: Plan, problem: Problem, line: Setting) -> list[Setting]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sph_gym.studies import store
 from sph_gym.studies.accuracy import policies, shelf
@@ -21,11 +22,15 @@ from sph_gym.studies.accuracy.running import Outcome, execute
 from sph_gym.studies.accuracy.settings import Setting, build
 
 # What is short is run more often, up to so much time [s] and so many runs.
-PATIENCE, MOST = 0.3, 5
+PATIENCE, MOST = 0.1, 5
+# So is what differs: up to so much of the median, the three runs around it.
+AGREED, FEWEST = 0.15, 3
 # An error above this is none that a diagram could show: 1000 %.
 ABSURD = 10.0
 # Of an agent that doesn't get to the end of its own episode.
-LOST = Outcome(math.nan, "its agent blew up", [], 1.0, 0, 0, 0.0, math.nan, math.nan)
+LOST = Outcome(
+    math.nan, "its agent blew up", [], 1.0, 0, 0, 0.0, math.nan, math.nan, math.nan, math.nan
+)  # fmt: skip
 
 
 class Point(NamedTuple):
@@ -33,12 +38,13 @@ class Point(NamedTuple):
 
     knob: which one was turned; error: share of what the problem says, nan after a blow-up; cause:
     of the blow-up; seconds: of physical time; particles: fluid and wall; substeps, interactions:
-    steps and pairs (i, j) of their force evaluations; wall, own: median seconds of the whole run
+    steps and pairs (i, j) of their force evaluations; compression, mach: as of an `Outcome`;
+    wall, own: median seconds of the whole run
     on the wall and of the thread's processor time; rate: of the benchmark right before and after
     [particle-steps/s]; effort: median of own times rate, the particle-steps of the benchmark that
-    take as long; runs: of which these are medians, spread: the range of their efforts / the
-    median; differing: runs whose error differed, which should be none; speed: of the
-    benchmark on the machine on which times are told.
+    take as long; runs: of which these are medians, spread: the range of the three efforts around
+    the median / the median; differing: runs whose error differed, which should be none; speed: of
+    the benchmark on the machine on which times are told.
     """
 
     scene: str
@@ -51,6 +57,8 @@ class Point(NamedTuple):
     particles: int
     substeps: int
     interactions: float
+    compression: float
+    mach: float
     wall: float
     own: float
     rate: float
@@ -92,7 +100,7 @@ def point(
     folder: Path,
     repeats: int = 3,
     again: bool = False,
-    other: bool = False,
+    other: int = 0,
 ) -> Point:
     """A point from `folder`, or from as many runs as it takes; again: take its times anew.
 
@@ -108,10 +116,11 @@ def point(
         # in place, since further runs are entered there
         taken.update(timed)
     _run = partial(_run_once, problem, setting, other, played, folder, taken, facts)
+    before = None
     if found is None:
-        found = _run()
+        found, before = _run(before)
     while not _enough(found, taken, repeats):
-        _run()
+        _, before = _run(before)
         store.write(path, taken)
     if taken != timed:
         store.write(path, taken)
@@ -123,26 +132,39 @@ def _enough(found: dict[str, Any], taken: dict[str, Any], repeats: int) -> bool:
     n = len(taken["wall"])
     if found["outcome"]["cause"] or n >= MOST:
         return True
-    return n >= repeats and sum(taken["own"]) >= PATIENCE
+    if n < repeats or sum(taken["own"]) < PATIENCE:
+        return False
+    return n < FEWEST or _spread(np.multiply(taken["own"], taken["rate"])) <= AGREED
+
+
+def _spread(efforts: NDArray[np.float64]) -> float:
+    """The range of the three around the median, or of what there is, as a share of the median."""
+    if not len(efforts):
+        return 0.0
+    median = float(np.median(efforts))
+    near = sorted(efforts, key=lambda effort: abs(effort - median))[:FEWEST]
+    return float(np.ptp(near)) / median
 
 
 def _run_once(
     problem: Problem,
     setting: Setting,
-    other: bool,
+    other: int,
     played: policies.Schedule | None,
     folder: Path,
     taken: dict[str, Any],
     facts: dict[str, Any],
-) -> dict[str, Any]:
+    before: float | None,
+) -> tuple[dict[str, Any], float]:
     """Run, and enter the time; the first run writes the record, later ones must agree with it.
 
-    Returns the record.
+    before: the speed of the machine right before it, measured if it isn't known from the end of
+    another run. Returns the record and the speed right after.
     """
     if played is not None and not played:
         outcome, rates = LOST._asdict(), [math.nan]
     else:
-        before = rate()
+        before = rate() if before is None else before
         outcome = execute(problem, setting, other, played)._asdict()
         rates = [before, rate()]
     times = {name: outcome.pop(name) for name in shelf.CLOCKS}
@@ -155,7 +177,7 @@ def _run_once(
     for name, value in times.items():
         taken[name].append(value)
     taken["rate"].append(float(np.mean(rates)))
-    return dict(kept)
+    return dict(kept), rates[-1]
 
 
 def same(one: float, other: float) -> bool:
@@ -164,7 +186,7 @@ def same(one: float, other: float) -> bool:
 
 
 def _schedule(
-    problem: Problem, setting: Setting, other: bool, folder: Path, key: str
+    problem: Problem, setting: Setting, other: int, folder: Path, key: str
 ) -> policies.Schedule | None:
     """What an agent does, from the folder or from itself; None for rules and fixed settings.
 
@@ -184,7 +206,7 @@ def _schedule(
     return controls
 
 
-def nominal_scene(problem: Problem, setting: Setting, other: bool) -> Any:
+def nominal_scene(problem: Problem, setting: Setting, other: int) -> Any:
     """The scene that an agent plays: with the article's own controls to begin with."""
     return build(problem, setting._replace(step=1.0, sound=1.0), other)
 
@@ -196,7 +218,7 @@ def _point(
     found: dict[str, Any],
     taken: dict[str, Any],
     key: str,
-    other: bool,
+    other: int,
 ) -> Point:
     outcome = found["outcome"]
     efforts = np.multiply(taken["own"], taken["rate"])
@@ -204,10 +226,10 @@ def _point(
         float(np.median(values)) if len(values) else math.nan
         for values in (taken["wall"], taken["own"], taken["rate"], efforts)
     )
-    spread = float(np.ptp(efforts)) / effort if len(efforts) else 0.0
+    spread = _spread(efforts)
     return Point(
         problem.scene, knob, setting, problem.metres(other) / setting.across, outcome["error"],
         outcome["cause"], outcome["seconds"], outcome["particles"], outcome["substeps"],
-        outcome["interactions"], wall, own, rate_then, effort, len(taken["wall"]),
-        spread, taken["differing"], key, rate_then,
+        outcome["interactions"], outcome["compression"], outcome["mach"], wall, own, rate_then,
+        effort, len(taken["wall"]), spread, taken["differing"], key, rate_then,
     )  # fmt: skip

@@ -1,11 +1,10 @@
 """Whether recommendations keep their promise on runs that they were not fitted to."""
 
 import math
-import sys
-from collections.abc import Iterator, Sequence
-from functools import cache
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sph_gym.studies.accuracy import lines as measured
 from sph_gym.studies.accuracy import recommend
@@ -20,73 +19,79 @@ from sph_gym.studies.table import Row
 FACTOR = 1.5
 # Where between the largest and the smallest promise errors are asked for, on a log scale.
 ASKED = (0.05, 0.3, 0.5, 0.7, 0.95)
+# Of these, how many must have an answer in another case.
+LEAST_REACHED = 3.0
+# The error to expect between resolutions may be so many times the measured one: else, nobody would
+# expect it.
+CAREFUL = 2.0
 
 
-class Shelf(NamedTuple):
-    """Where runs are kept, and whether their times are taken anew."""
+class Trial(NamedTuple):
+    """A recommendation that was tried out.
 
-    folder: Path
-    again: bool = False
+    other: the case, 0 for the one that was fitted; asked: the error that was asked for; answered:
+    whether there was an answer in the end; early: measured / promised error of what would have been
+    advised had it not been run first, infinite after a blow-up, NaN if nothing was.
+    """
+
+    other: int
+    asked: float
+    choice: Choice
+    found: Point
+    answered: bool = True
+    early: float = math.nan
 
 
 def samples(points: Sequence[Point]) -> list[Sample]:
     """The runs on lines, as the table has them; one that blew up has no error."""
-    return [Sample(p.scene, p.setting, p.error if p.good else math.nan, p.effort) for p in points]
+    return [
+        Sample(
+            p.scene, p.setting, p.error if p.good else math.nan, p.effort, p.compression, p.mach
+        )
+        for p in points
+    ]  # fmt: skip
 
 
-def rows(
+# --- Trying ---------------------------------------------------------------------------------
+
+
+def tried(
     scene: Problem, points: Sequence[Point], folder: Path, again: bool = False
-) -> Iterator[Row]:
-    """Measured over promised error and time, between the fitted resolutions and in another case.
+) -> list[Trial]:
+    """Recommendations between the fitted resolutions and in other cases, with their runs.
 
-    Without a line, a row that fails. In the other case, what is tried is what anybody would be
-    told who asks for it. again: take the times anew.
+    None without a line, nor where errors lie within their scatter, since all promises are then the
+    same. In other cases, anybody who asks is told what was run there; what is tried is the setting
+    next to it, of which the same line makes a promise. again: take the times anew.
     """
-    lines = measured.fit(samples(points))
-    if not lines:
-        print(f"{scene.scene}: no line without a blow-up", file=sys.stderr)
-        yield Row("measured / promised error", f"{scene.scene}, no line", math.inf, "", FACTOR)
-        return
-    shelf = Shelf(folder, again)
-    for choice in _between(lines):
-        yield from _kept(scene, choice, shelf, False)
-    if scene.other:
-        answers = _elsewhere(lines, _probe(scene, shelf))
-        yield Row("errors asked for in the other case", scene.scene, len(ASKED), "")
-        yield Row("of these within reach", scene.scene, len(answers), "")
-        for choice in dict.fromkeys(answers):
-            yield from _kept(scene, choice, shelf, True)
+    every = samples(points)
+    lines = measured.fit(every)
+    if not lines or measured.scatter(every):
+        return []
+
+    def run(setting: Setting, other: int, repeats: int = 1) -> Point:
+        return point(scene, "promise", setting, folder, repeats, again, other)
+
+    found = [
+        Trial(0, asked, choice, run(choice.setting, 0))
+        for choice, asked in _between(lines).items()
+    ]  # fmt: skip
+    for other in range(1, len(scene.others) + 1):
+        for asked, choice, answered, early in _elsewhere(lines, _probe(partial(run, other=other))):
+            ran = run(choice.setting, other)
+            found.append(Trial(other, asked, choice, ran, answered, early))
+    return found
 
 
-def _kept(scene: Problem, choice: Choice, shelf: Shelf, other: bool) -> Iterator[Row]:
-    found = point(scene, "promise", choice.setting, shelf.folder, 1, shelf.again, other)
-    case = f"{scene.scene}, {_case(scene, other)}, {100 * choice.promised:.2g} % promised"
-    where = f"{case}, {choice.setting.across} across"
-    error, time = found.error / choice.promised, found.effort / choice.effort
-    yield Row("measured / promised error", where, error if found.good else math.inf, "", FACTOR)
-    yield Row("measured / expected time", where, time if found.good else math.inf, "", FACTOR)
-    if found.good:
-        yield Row("promised / measured error", where, 1 / error, "")
-        yield Row("measured / expected error", where, found.error / choice.error, "")
-
-
-def _probe(scene: Problem, shelf: Shelf) -> recommend.Probe:
-    """Runs of the other case, from the folder."""
+def _probe(run: Callable[..., Point]) -> recommend.Probe:
+    """Runs of another case, from the folder."""
 
     @cache
-    def run(setting: Setting) -> tuple[float, float]:
-        found = point(
-            scene, "promise", setting, shelf.folder, recommend.PROBES, shelf.again, other=True
-        )
+    def probe(setting: Setting) -> tuple[float, float]:
+        found = run(setting, repeats=recommend.PROBES)
         return found.error if found.good else math.nan, found.effort
 
-    return run
-
-
-def _case(scene: Problem, other: bool) -> str:
-    if not other:
-        return "between resolutions"
-    return "other case: " + " ".join(f"{name}={value:g}" for name, value in scene.other.items())
+    return probe
 
 
 def _targets(lines: Sequence[Line]) -> list[float]:
@@ -96,34 +101,41 @@ def _targets(lines: Sequence[Line]) -> list[float]:
     return [worst * (best / worst) ** share for share in ASKED]
 
 
-def _between(lines: Sequence[Line]) -> list[Choice]:
+def _between(lines: Sequence[Line]) -> dict[Choice, float]:
     """Recommendations for these errors, none of them at a resolution that was fitted."""
     by_setting = {line.setting: line for line in lines}
-    found = []
+    found: dict[Choice, float] = {}
     for target in _targets(lines):
         choice = recommend.for_error(lines, target)
         if choice is not None:
-            found.append(_off_grid(by_setting[choice.setting.line], choice.setting.across))
-    return list(dict.fromkeys(found))
+            line = by_setting[choice.setting.line]
+            found.setdefault(_off_grid(line, choice.setting.across), target)
+    return found
 
 
-def _elsewhere(lines: Sequence[Line], probe: recommend.Probe) -> list[Choice]:
-    """Recommendations for these errors in the other case, as far as it can have them.
+def _elsewhere(
+    lines: Sequence[Line], probe: recommend.Probe
+) -> Iterator[tuple[float, Choice, bool, float]]:
+    """Of these errors in another case: what is next to the answer, if any, and how it came to it.
 
-    One that is the very run that corrected it gives way to the next finer.
+    The last two are those of a `Trial`.
     """
-    found = []
     for target in _targets(lines):
 
         def choose(lines: Sequence[Line], target: float = target) -> Choice | None:
             return recommend.for_error(lines, target)
 
-        choice, settled = recommend.settle(lines, choose, probe)
-        if choice is not None:
-            line = next(line for line in settled if line.setting == choice.setting.line)
-            probed = choice.setting.across == line.across[0]
-            found.append(_off_grid(line, choice.setting.across) if probed else choice)
-    return found
+        settled = recommend.settle(lines, choose, probe)
+        early = math.nan
+        if settled.trials:
+            advised, error = settled.trials[0]
+            early = error / advised.promised if error > 0 else math.inf
+        if settled.choice is not None:
+            own = settled.choice.setting
+            line = next(line for line in settled.lines if line.setting == own.line)
+            yield target, _off_grid(line, own.across), True, early
+        elif settled.trials:
+            yield target, advised, False, early
 
 
 def _off_grid(line: Line, across: int) -> Choice:
@@ -132,3 +144,66 @@ def _off_grid(line: Line, across: int) -> Choice:
     finer = [n for n in range(across, last) if n not in line.across]
     coarser = [n for n in range(across, 2, -1) if n not in line.across]
     return line.at((finer or coarser)[0])
+
+
+# --- What came of it ------------------------------------------------------------------------
+
+
+def rows(scene: Problem, trials: Sequence[Trial]) -> Iterator[Row]:
+    """Measured over promised error and time, and how many errors are within reach elsewhere.
+
+    Without a trial, a row that says so.
+    """
+    if not trials:
+        yield Row("promises tried out", f"{scene.scene}, none: nothing to tell apart", 0, "")
+    # different wishes may have the same answer
+    for trial in {(trial.other, trial.choice): trial for trial in trials}.values():
+        yield from _kept(scene, trial)
+    for other in range(1, len(scene.others) + 1 if trials else 1):
+        here = [trial for trial in trials if trial.other == other]
+        case, n = f"{scene.scene}, {_case(scene, other)}", f" of {len(ASKED)} errors"
+        blown = sum(math.isinf(trial.early) for trial in here)
+        yield Row(f"blew up when tried and was withdrawn,{n}", case, blown, "")
+        missed = sum(FACTOR < trial.early < math.inf for trial in here)
+        yield Row(f"missed its promise when tried and was corrected,{n}", case, missed, "")
+        reached = sum(trial.answered for trial in here)
+        yield Row(f"within reach,{n}", case, reached, "", LEAST_REACHED, at_least=True)
+    if not scene.others:
+        yield Row("other cases", f"{scene.scene}, none: {scene.single}", 0, "")
+
+
+def _kept(scene: Problem, trial: Trial) -> Iterator[Row]:
+    choice, found = trial.choice, trial.found
+    case = f"{scene.scene}, {_case(scene, trial.other)}, {100 * choice.promised:.2g} % promised"
+    where = f"{case}, {choice.setting.across} across"
+    if not trial.answered:
+        return
+    error, time = found.error / choice.promised, found.effort / choice.effort
+    yield Row("measured / promised error", where, error if found.good else math.inf, "", FACTOR)
+    yield Row("measured / expected time", where, time if found.good else math.inf, "", FACTOR)
+    if found.good:
+        share, own = found.error / choice.error, not trial.other
+        yield Row("measured / expected error", where, share, "", FACTOR if own else None)
+        yield Row("expected / measured error", where, 1 / share, "", CAREFUL if own else None)
+
+
+def _case(scene: Problem, other: int) -> str:
+    if not other:
+        return "between resolutions"
+    changed = scene.others[other - 1]
+    return "other case: " + " ".join(f"{name}={value:g}" for name, value in changed.items())
+
+
+def records(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """The trials as rows of a table: what was asked and promised, and what was measured."""
+    return [
+        {
+            "scene": t.found.scene, "other_case": t.other, "asked": t.asked,
+            "expected_error": t.choice.error, "promised_error": t.choice.promised,
+            "error": t.found.error, "expected_effort": t.choice.effort, "effort": t.found.effort,
+            "compression": t.found.compression, "mach": t.found.mach, "cause": t.found.cause,
+            "answered": t.answered, "early": t.early, "key": t.found.key,
+            **t.choice.setting._asdict(),
+        }
+        for t in trials
+    ]  # fmt: skip

@@ -18,7 +18,11 @@ from sph_gym.studies.timing import own_clock, pinned
 
 
 class Outcome(NamedTuple):
-    """One execution; measures: quantity, value and unit of everything that was judged."""
+    """One execution; measures: quantity, value and unit of everything that was judged.
+
+    compression: mean over fluid and frames of max(rho / rho0 - 1, 0); mach: the largest speed over
+    the sound speed of its moment; both of the ends of frames.
+    """
 
     error: float
     cause: str
@@ -27,6 +31,8 @@ class Outcome(NamedTuple):
     particles: int
     substeps: int
     interactions: float
+    compression: float
+    mach: float
     wall: float
     own: float
 
@@ -36,8 +42,8 @@ class Meter:
 
     def __init__(self, sim: Simulation, controller: Callable[[Simulation], Any] | None) -> None:
         self.sim, self.controller = sim, controller
-        self.wall = self.own = self.interactions = 0.0
-        self.substeps = 0
+        self.wall = self.own = self.interactions = self.squeezed = self.mach = 0.0
+        self.substeps = self.frames = 0
         self._clock, self._advance = own_clock(), sim.advance
         sim.advance = self.advance  # type: ignore[method-assign]
 
@@ -51,13 +57,27 @@ class Meter:
         self.wall += time.perf_counter() - began
         self.substeps += report.n_substeps
         self.interactions += report.n_substeps * float(self.sim.neighbor_counts.sum())
+        self._look()
         return report
+
+    def _look(self) -> None:
+        """How far the fluid is from an incompressible one at the end of a frame."""
+        sim = self.sim
+        ratio = sim.rho[: sim.n_fluid] / sim.scene.fluid.rho0
+        self.frames += 1
+        self.squeezed += float(np.maximum(ratio - 1, 0.0).mean())
+        self.mach = max(self.mach, sim.max_speed / sim.sound_speed)
+
+    @property
+    def compression(self) -> float:
+        """The mean over all frames so far."""
+        return self.squeezed / max(self.frames, 1)
 
 
 def execute(
     problem: Problem,
     setting: Setting,
-    other: bool = False,
+    other: int = 0,
     played: policies.Schedule | None = None,
 ) -> Outcome:
     """Run a setting from start to end, pinned to one core, on one thread.
@@ -73,7 +93,7 @@ def execute(
         error, cause, measures = _judged(problem, sim)
     return Outcome(
         error, cause, measures, scene.duration, sim.n_particles, meter.substeps,
-        meter.interactions, meter.wall, meter.own,
+        meter.interactions, meter.compression, meter.mach, meter.wall, meter.own,
     )  # fmt: skip
 
 

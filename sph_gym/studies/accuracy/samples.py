@@ -10,18 +10,24 @@ from typing import Any, NamedTuple
 from sph_gym.solver.checks import positive
 from sph_gym.studies.accuracy.settings import Setting
 
-COLUMNS = ("scene", *Setting._fields, "error", "effort")
+COLUMNS = ("scene", *Setting._fields, "error", "effort", "compression", "mach")
 # Resolutions that a line has at least.
 FEWEST = 3
 
 
 class Sample(NamedTuple):
-    """A run as the table has it; effort: particle-steps of the benchmark that take as long."""
+    """A run as the table has it.
+
+    effort: particle-steps of the benchmark that take as long; compression, mach: as of an
+    `Outcome`.
+    """
 
     scene: str
     setting: Setting
     error: float
     effort: float
+    compression: float = 0.0
+    mach: float = 0.0
 
 
 def whole(line: Sequence[Setting], finest: int) -> bool:
@@ -70,7 +76,7 @@ def shipped() -> list[str]:
 
 
 def _sample(row: dict[str, str]) -> Sample:
-    kinds = {**Setting.__annotations__, "error": float, "effort": float}
+    kinds = {**Setting.__annotations__, **dict.fromkeys(COLUMNS[-4:], float)}
     values: dict[str, Any] = {}
     for name, kind in kinds.items():
         try:
@@ -82,10 +88,11 @@ def _sample(row: dict[str, str]) -> Sample:
     timed = () if math.isnan(values["error"]) else ("effort",)
     for name in ("across", "width", "step", "sound", *timed):
         positive(name, values[name])
-    if values["error"] < 0 or math.isinf(values["error"]):
-        raise ValueError(f"error: expected a share of at least 0, got {values['error']}")
-    error, effort = values.pop("error"), values.pop("effort")
-    return Sample(row["scene"], Setting(**values), error, effort)
+    for name in ("error", "compression", "mach"):
+        if values[name] < 0 or math.isinf(values[name]):
+            raise ValueError(f"{name}: expected a share of at least 0, got {values[name]}")
+    measured = [values.pop(name) for name in COLUMNS[-4:]]
+    return Sample(row["scene"], Setting(**values), *measured)
 
 
 def write(samples: Iterable[Sample], path: Path, comment: str) -> None:
@@ -96,4 +103,5 @@ def write(samples: Iterable[Sample], path: Path, comment: str) -> None:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         for s in samples:
-            writer.writerow([s.scene, *s.setting, f"{s.error:.6g}", f"{s.effort:.6g}"])
+            numbers = (s.error, s.effort, s.compression, s.mach)
+            writer.writerow([s.scene, *s.setting, *(f"{number:.6g}" for number in numbers)])

@@ -65,7 +65,7 @@ def nominal(problem: Problem, across: int | None = None) -> Setting:
     )
 
 
-def build(problem: Problem, setting: Setting, other: bool = False) -> Scene:
+def build(problem: Problem, setting: Setting, other: int = 0) -> Scene:
     """The scene of a run, its controls included.
 
     Raises ValueError for settings that the scene doesn't allow.

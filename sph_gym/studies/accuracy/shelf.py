@@ -45,7 +45,7 @@ def sources(agents: bool = False) -> str:
     return digest.hexdigest()[:16]
 
 
-def manifest(problem: Problem, setting: Setting, other: bool) -> dict[str, Any]:
+def manifest(problem: Problem, setting: Setting, other: int) -> dict[str, Any]:
     """All that the error of a point depends on."""
     agents = policies.needs_schedule(setting.controller)
     network = policies.network(setting.controller, problem.scene)

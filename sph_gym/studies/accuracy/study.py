@@ -2,6 +2,7 @@
 
 import math
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,9 +35,12 @@ from sph_gym.studies.table import Row
 
 FOLDER = Path("runs/studies")
 TIME = "cost"
-# Of the times of one point: a shared machine takes its share of single runs, and a median of
-# three needs two that agree.
-NOISE = 0.5
+# Of the times of a point, over their median: the 90th of a hundred points, and the one between.
+NOISE, USUAL_NOISE = 0.2, 0.1
+# Seconds on the wall that a quick and a whole study may take.
+PATIENCE = {True: 120.0, False: 5400.0}
+# Runs of a point of which it isn't known yet whether it counts.
+BRIEFLY = 2
 # Lines that are run at all resolutions, usually.
 USUAL_LINES = 8
 
@@ -67,6 +71,7 @@ def measure(
     Raises ImportError that names the extra to install, ValueError for unknown scenes, and OSError,
     before anything is run, for folders that can't be written to.
     """
+    began = time.perf_counter()
     plan = QUICK if quick else FULL
     for name in chosen or ():
         known("scenes", name, plan.scenes)
@@ -76,7 +81,7 @@ def measure(
     output = folder / ("accuracy_quick" if quick else "accuracy")
     for place in (shop.folder, output):
         store.probe(place)
-    every: list[Point] = []
+    every, trials = list[Point](), list[promises.Trial]()
     wanted = list(chosen or plan.scenes)
     for k, name in enumerate(wanted, 1):
         scene = problem(name)
@@ -84,11 +89,14 @@ def measure(
         every += points
         yield from rows(scene, points)
         if plan.promises and not scene.erratic:
-            yield from promises.rows(scene, points, shop.folder, again)
+            trials += promises.tried(scene, points, shop.folder, again)
+            yield from promises.rows(scene, [t for t in trials if t.found.scene == name])
         tables.write_scene(scene, points, output)
-        tables.write_all(every, output)
+        tables.write_all(every, trials, output)
     if peers is not None:
         yield from peer.rows(peers, every, shop.folder, again)
+    seconds = time.perf_counter() - began
+    yield Row("duration of the study", "what was still to be run", seconds, "s", PATIENCE[quick])
 
 
 def collect(scene: Problem, plan: Plan, shop: Shop, title: str = "") -> list[Point]:
@@ -101,7 +109,9 @@ def collect(scene: Problem, plan: Plan, shop: Shop, title: str = "") -> list[Poi
             progress.update()
             return found
 
-        points = [get(knob, setting) for knob, setting in turned]
+        # whether they count is only known afterwards
+        once = shop._replace(repeats=min(shop.repeats, BRIEFLY))
+        points = [get(knob, setting, once) for knob, setting in turned]
         have = {found.setting: found for found in points}
 
         def climb(line: Setting, seller: Shop) -> None:
@@ -113,10 +123,19 @@ def collect(scene: Problem, plan: Plan, shop: Shop, title: str = "") -> list[Poi
 
         for line in lines(plan, scene, have):
             climb(line, shop)
-        # here, errors are what counts
         for line in alone(plan, scene, have):
-            climb(line, shop._replace(repeats=1))
-    return at_usual_speed(points)
+            climb(line, once)
+        return at_usual_speed(topped_up(scene, points, shop))
+
+
+def topped_up(scene: Problem, points: Sequence[Point], shop: Shop) -> list[Point]:
+    """The points of a scene, with as many runs of all that count as make a median."""
+    counted = {found.key for found in (*sober(points), *rungs(points))}
+    seller = shop._replace(again=False)
+    return [
+        seller.buy(scene, p.knob, p.setting) if p.key in counted and p.runs < shop.repeats else p
+        for p in points
+    ]
 
 
 def bar(title: str, total: int) -> Any:
@@ -152,8 +171,11 @@ def _times(scene: Problem, points: Sequence[Point]) -> Iterator[Row]:
     timed = [found for found in points if found.runs > 1 and not found.cause]
     if not timed:
         return
-    spread = float(np.median([found.spread for found in timed]))
-    yield Row("range of repeated times / median", scene.scene, spread, "", NOISE)
+    spreads = [found.spread for found in timed]
+    for share, bound in ((0.5, USUAL_NOISE), (0.9, NOISE)):
+        case = f"{scene.scene}, {100 * share:g} of 100 points"
+        spread = float(np.quantile(spreads, share))
+        yield Row("spread of repeated times / median", case, spread, "", bound)
     share = float(np.median([found.own / found.wall for found in timed]))
     yield Row("processor time / wall clock", scene.scene, share, "")
     yield Row("benchmark, median", scene.scene, timed[0].speed, "particle-steps/s")
@@ -164,7 +186,8 @@ def _differing(points: Sequence[Point]) -> float:
 
 
 def _order(scene: Problem, points: Sequence[Point]) -> Row:
-    good = sorted((found for found in rungs(points) if found.good), key=lambda found: found.dx)
+    last = scene.until or scene.sizes[-1]
+    good = [found for found in rungs(points) if found.good and found.setting.across <= last]
     value = fronts.order([found.dx for found in good], [found.error for found in good])
     return Row("order of convergence", scene.scene, value, "", scene.order, scene.order is not None)
 

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym.studies import machine
-from sph_gym.studies.accuracy import figures, fronts, lines, luck, summary
+from sph_gym.studies.accuracy import figures, fronts, known, lines, luck, promises, summary
 from sph_gym.studies.accuracy import gains as buying
 from sph_gym.studies.accuracy.plan import NUMBERS, knobs, rungs
 from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.accuracy.problems import Problem
-from sph_gym.studies.accuracy.promises import samples
+from sph_gym.studies.accuracy.promises import Trial, samples
 from sph_gym.studies.accuracy.samples import Sample, write
 from sph_gym.studies.accuracy.shelf import sources
 
@@ -29,13 +29,16 @@ def write_scene(scene: Problem, points: Sequence[Point], folder: Path) -> None:
     print(f"plot: {figures.draw(scene, points, folder / f'{scene.scene}.png')}")
 
 
-def write_all(points: Sequence[Point], folder: Path) -> None:
-    """Tables and picture of all scenes."""
+def write_all(points: Sequence[Point], trials: Sequence[Trial], folder: Path) -> None:
+    """Tables and picture of all scenes; trials: of recommendations."""
     _both([record(found) for found in points], folder / "points")
+    _both(promises.records(trials), folder / "promises")
     _both(cheapest(points), folder / "cheapest")
     by_scene: dict[str, list[Point]] = {}
     for found in points:
         by_scene.setdefault(found.scene, []).append(found)
+    known.write(by_scene, folder / "found")
+    (folder / "found" / "cheapest.md").write_text(known.page(folder / "found", list(by_scene)))
     print(f"plot: {summary.draw(by_scene, folder / 'summary.png')}")
 
 

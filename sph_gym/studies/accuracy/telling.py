@@ -1,5 +1,7 @@
 """A recommendation in words and as a program."""
 
+import math
+
 from sph_gym.studies.accuracy.policies import RULES
 from sph_gym.studies.accuracy.recommend import Advice
 from sph_gym.studies.accuracy.settings import FIXED, Setting, build
@@ -7,7 +9,8 @@ from sph_gym.studies.accuracy.settings import FIXED, Setting, build
 
 def describe(advice: Advice) -> list[tuple[str, str]]:
     """Names and values of a recommendation, as they are to be set."""
-    scene, (setting, error, promised, _) = advice.problem, advice.choice
+    scene, choice = advice.problem, advice.choice
+    setting, error, promised = choice.setting, choice.error, choice.promised
     built = build(scene, setting)
     assert built.controls is not None
     fixed = setting.controller == FIXED
@@ -26,8 +29,30 @@ def describe(advice: Advice) -> list[tuple[str, str]]:
         ("expected error", f"about {100 * error:.3g} %, at most {100 * promised:.3g} % {scene.of}"),
         ("expected time", f"{advice.seconds:.3g} s of processor time after compilation, 1 thread"),
         ("simulated", f"{built.duration:.4g} s of flow"),
+        (
+            "compression",
+            f"{100 * choice.compression:.2g} % in the mean; Mach number {choice.mach:.2g}",
+        ),
     ]
-    return told + ([("caution", advice.caution)] if advice.caution else [])
+    more = {"budget": _used(advice), "tried": _tried(advice), "caution": advice.caution}
+    return told + [(name, text) for name, text in more.items() if text]
+
+
+def _used(advice: Advice) -> str:
+    """How much of a budget is used, and why not all of it."""
+    if advice.budget is None:
+        return ""
+    why = ": nothing finer was measured" if advice.best else ""
+    return f"uses {advice.seconds:.2g} of {advice.budget:g} s{why}"
+
+
+def _tried(advice: Advice) -> str:
+    """What a run in this case gave, or that there was none."""
+    if advice.tried is None:
+        return ""
+    if math.isnan(advice.tried):
+        return "not in this case, where it would take too long: the promise is an extrapolation"
+    return f"in this case, with an error of {100 * advice.tried:.3g} %"
 
 
 def program(advice: Advice) -> str:

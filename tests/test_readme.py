@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import sph_gym  # noqa: F401  registers the environments
+
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "README.md").read_text()
 PROGRAMS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)

@@ -90,7 +90,7 @@ def tell(scene: str) -> Iterator[str]:
     for row in read("cheapest", scene):
         target = f"  {100 * float(row['target']):g} %"
         if not row["error"]:
-            yield f"{target:<8}not reached"
+            yield f"{target:<8}not reached, or only by chance"
             continue
         what = ", ".join(filter(None, [f"{found.length} / {row['across']}", row["changes"]]))
         yield f"{target:<8}{row['seconds']:>7} s  {what}"

@@ -89,7 +89,7 @@ _PROBLEMS = (
         "Better than second order while coarse (1.6 % at 10 across), slower from 28 on (0.06, 0.04 "
         "and 0.03 %), where the late times are left, which converge with first order. Single "
         "precision takes longer: with h = 3 dx, what the kernel gives to neighbours three spacings "
-        "away is below the normal numbers of float32.",
+        "away is probably below the normal numbers of float32.",
         order=2.5, until=28, others=({"reynolds": 6.0}, {"reynolds": 30.0}), widest=3.0, joined=2,
     ),
     Problem(

@@ -6,8 +6,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from sph_gym.studies.accuracy import elsewhere, recommend
 from sph_gym.studies.accuracy import lines as measured
-from sph_gym.studies.accuracy import recommend
 from sph_gym.studies.accuracy.lines import Choice, Line
 from sph_gym.studies.accuracy.points import Point, point
 from sph_gym.studies.accuracy.problems import Problem
@@ -83,7 +83,7 @@ def tried(
     return found
 
 
-def _probe(run: Callable[..., Point]) -> recommend.Probe:
+def _probe(run: Callable[..., Point]) -> elsewhere.Probe:
     """Runs of another case, from the folder."""
 
     @cache
@@ -114,7 +114,7 @@ def _between(lines: Sequence[Line]) -> dict[Choice, float]:
 
 
 def _elsewhere(
-    lines: Sequence[Line], probe: recommend.Probe
+    lines: Sequence[Line], probe: elsewhere.Probe
 ) -> Iterator[tuple[float, Choice, bool, float]]:
     """Of these errors in another case: what is next to the answer, if any, and how it came to it.
 
@@ -125,7 +125,7 @@ def _elsewhere(
         def choose(lines: Sequence[Line], target: float = target) -> Choice | None:
             return recommend.for_error(lines, target)
 
-        settled = recommend.settle(lines, choose, probe)
+        settled = elsewhere.settle(lines, choose, probe)
         early = math.nan
         if settled.trials:
             advised, error = settled.trials[0]

@@ -10,7 +10,7 @@ to, what would be advised is run first, and is corrected or withdrawn by what ca
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +21,7 @@ from sph_gym import scenes
 from sph_gym.solver.checks import known, positive
 from sph_gym.studies.accuracy.asking import share_of_one
 from sph_gym.studies.accuracy.benchmark import CAREFUL, rate
+from sph_gym.studies.accuracy.elsewhere import Probe, Settled, settle
 from sph_gym.studies.accuracy.lines import Choice, Line, fit, scatter
 from sph_gym.studies.accuracy.problems import Problem, problem
 from sph_gym.studies.accuracy.running import execute
@@ -31,12 +32,8 @@ from sph_gym.studies.accuracy.settings import Setting
 ROUNDING = 1e-9
 # Runs of which a probe takes the median time, and seconds after which it makes no more.
 PROBES, ENOUGH = 3, 0.5
-# How many choices are tried out in a case, and seconds that a run of one may take.
-MOST_TRIALS, AFFORDABLE = 12, 10.0
-# Of what is promised in a case of which only some runs are known, for all other settings.
-MARGIN = 1.25
-# Of how many lines the finest setting is run, where none promises enough.
-MOST_FINEST = 2
+# Seconds that a run of what would be advised in another case may take.
+AFFORDABLE = 10.0
 
 
 # --- Choosing -------------------------------------------------------------------------------
@@ -53,110 +50,6 @@ def for_effort(lines: Sequence[Line], effort: float) -> Choice | None:
     """The choice that promises least with at most this effort; None if there is none."""
     within = [choice for line in lines for choice in line.choices() if choice.effort <= effort]
     return min(within, key=lambda choice: (choice.promised, choice.effort), default=None)
-
-
-# Runs a setting of a case: its error, NaN after a blow-up, and its effort.
-Probe = Callable[[Setting], tuple[float, float]]
-
-
-# By particles across, what a line gave in a case: error and effort.
-Runs = dict[int, tuple[float, float]]
-
-
-def corrected(line: Line, runs: Runs) -> Line:
-    """A line in a case that it wasn't fitted to, by runs of some of its settings there.
-
-    Errors and promises grow by measured / expected error, and never shrink, since a small error
-    may be luck; efforts change by measured / expected effort; between the runs, on logarithmic
-    scales. What was run itself has no doubt, and all else a margin.
-    """
-    if not runs:
-        return line
-    ran = sorted(runs)
-    there = [line.at(n) for n in ran]
-    larger = [max(runs[n][0] / expected.error, 1.0) for n, expected in zip(ran, there, strict=True)]
-    slower = [runs[n][1] / expected.effort for n, expected in zip(ran, there, strict=True)]
-    nodes = sorted({*map(int, line.across), *ran})
-    known_at = [line.at(n) for n in nodes]
-    factor, pace = (
-        np.exp(np.interp(np.log(nodes), np.log(ran), np.log(ratio))) for ratio in (larger, slower)
-    )
-    error, promised, effort, compression, mach = (
-        np.array([getattr(choice, name) for choice in known_at])
-        for name in ("error", "promised", "effort", "compression", "mach")
-    )
-    error = factor * error
-    exact = tuple((n, float(error[nodes.index(n)])) for n in ran)
-    return Line(
-        line.setting, np.array(nodes, float), error, MARGIN * factor * promised, pace * effort,
-        compression, mach, exact,
-    )  # fmt: skip
-
-
-class Settled(NamedTuple):
-    """What is chosen in a case that nothing was fitted to, among which lines, and what was run.
-
-    choice: None if there is none; error: of its own run there, NaN if it wasn't run; trials: what
-    was about to be chosen and the error of its run, NaN after a blow-up.
-    """
-
-    choice: Choice | None
-    lines: list[Line]
-    error: float
-    trials: list[tuple[Choice, float]]
-
-
-def settle(
-    lines: Sequence[Line],
-    choose: Callable[[Sequence[Line]], Choice | None],
-    probe: Probe,
-    affordable: float = math.inf,
-) -> Settled:
-    """The choice among lines that are corrected for the case until the choice itself was run.
-
-    First by their coarsest setting, then by what would be chosen, if that takes at most an
-    `affordable` effort, until one keeps what it promises. Where nothing can be chosen, the finest
-    setting of the most promising lines is run too. What blows up is withdrawn with its line.
-    """
-    left = {line.setting: line for line in lines}
-    ran: dict[Setting, Runs] = {line.setting: {} for line in lines}
-    trials: list[tuple[Choice, float]] = []
-    while True:
-        known_now = [corrected(line, ran[name]) for name, line in left.items()]
-        choice = choose(known_now)
-        wanted = choice or _finest(known_now, ran, affordable)
-        if wanted is None:
-            return Settled(None, known_now, math.nan, trials)
-        line, across = wanted.setting.line, wanted.setting.across
-        first, runs = not ran[line], ran[line]
-        dear = not first and (wanted.effort > affordable or len(trials) >= MOST_TRIALS)
-        if across in runs or dear:
-            return Settled(wanted, known_now, runs.get(across, (math.nan,))[0], trials)
-        across = int(left[line].across[0]) if first else across
-        error, effort = probe(line._replace(across=across))
-        if not first and choice is not None:
-            trials.append((choice, error))
-        if not error > 0:
-            del left[line]
-            continue
-        runs[across] = error, effort
-        kept = error <= wanted.promised and effort <= MARGIN * wanted.effort
-        if kept and not first and choice is not None:
-            known_now = [corrected(left[name], ran[name]) for name in left]
-            told = corrected(left[line], runs).at(across)
-            return Settled(told, known_now, error, trials)
-
-
-def _finest(lines: Sequence[Line], ran: dict[Setting, Runs], affordable: float) -> Choice | None:
-    """The finest setting of the line that promises least there, unless enough of them were run."""
-    ends = [line.at(int(line.across[-1])) for line in lines]
-    tried = sum(end.setting.across in ran[end.setting.line] for end in ends)
-    left = [
-        end
-        for end in ends
-        if end.effort <= affordable and end.setting.across not in ran[end.setting.line]
-    ]
-    return None if tried >= MOST_FINEST else min(left, key=lambda e: e.promised, default=None)
 
 
 def _probe(case: Problem) -> Probe:

@@ -241,14 +241,14 @@ class Ledger:
     frame. Measured in the study `stability`: of the runs of its maps, 576 came to more than half,
     all with 0.4 or more at once, and without this rule 9 of them were never reported; the other
     523 meet no part of it. Of its cases at the stable step, one comes to 0.36, and one to more: a
-    fluid at rest whose kernels pair, 3e-5 m c0^2 in a frame, against 2e-3 in the least of those
-    that fly apart; what is slower than `FLOW` is no burst. Nor is it judged where walls move,
-    whose work isn't booked.
+    fluid at rest whose kernels pair, 3e-5 m c0^2 in a frame, against 1e-4 in the least of those
+    that fly apart, patches that collide at Mach 0.025; what is slower than `FLOW` is no burst. Nor
+    is it judged where walls move, whose work isn't booked.
     """
 
     TOLERANCE, HALF, SUDDEN = 2.0, 0.5, 0.25
     # Of c0: slower than all the fluid moving at this speed, no energy is a burst; and rest.
-    FLOW, REST = 0.02, 1e-4
+    FLOW, REST = 0.012, 1e-4
 
     def __init__(
         self, totals: Totals, weight_scale: float, floor: float, driven: bool = False

@@ -211,7 +211,7 @@ class Episode:
             "over": self.over,
             "setbacks": self._setbacks,
             "control_work": self._control_work,
-            "report": states.plain(self._report),
+            "report": tuple(self._report),
             "info": dict(self.info),
             "rules": self.rules.plain(),
         }

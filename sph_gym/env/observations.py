@@ -35,21 +35,19 @@ class Glance(NamedTuple):
     """All that a feature may look at.
 
     now, before: diagnostics after and before the step; speed, size: scales [m/s], [m]; elevation:
-    of the centre of mass above the lowest particle [m]; falling, surface: shares of the particles;
-    force_limit: force limit of dt / CFL limit of dt.
+    of the centre of mass above the lowest particle [m]; force_limit: force limit of dt / CFL limit
+    of dt.
     """
 
     now: dict[str, float]
     before: dict[str, float]
-    coordinates: Coordinates
+    coordinates: list[float]
     progress: float
     n_substeps: int
     setbacks: float
     speed: float
     size: float
     elevation: float
-    falling: float
-    surface: float
     force_limit: float
 
 
@@ -120,10 +118,10 @@ FEATURES = (
         "energy_excess", -1, 1, "tanh(energy from nowhere / energy at stake)",
         lambda g: math.tanh(g.now["energy_excess"]),
     ),
-    Feature("surface", 0, 1, "share of particles below 0.9 rho0", lambda g: g.surface),
+    Feature("surface", 0, 1, "share of particles below 0.9 rho0", lambda g: g.now["surface"]),
     Feature(
         "free_fall", 0, 1, "share of particles with |a - g| < 0.1 g (0 without gravity)",
-        lambda g: g.falling,
+        lambda g: g.now["adrift"],
     ),
 )  # fmt: skip
 
@@ -154,6 +152,7 @@ class Features:
         self._rollback = rollback
         low, high = ([getattr(feature, side) for feature in self.rows] for side in ("low", "high"))
         self._low, self._high = np.array(low, np.float32), np.array(high, np.float32)
+        self._values = [feature.value for feature in self.rows]
 
     @property
     def rows(self) -> tuple[Feature, ...]:
@@ -172,19 +171,19 @@ class Features:
         glance = Glance(
             now,
             moment.before,
-            moment.coordinates,
+            # plain numbers: an array's own cost more to look at
+            moment.coordinates.tolist(),
             moment.progress,
             moment.n_substeps,
             moment.setbacks,
-            speed=scene.fluid.c0 / 10,
-            size=math.sqrt(sim.n_fluid) * scene.dx,
-            elevation=now["com_y"] - now["lowest"],
-            falling=now["adrift"],
-            surface=now["surface"],
-            force_limit=limit * sim.sound_speed / (COURANT * scene.h),
+            scene.fluid.c0 / 10,
+            math.sqrt(sim.n_fluid) * scene.dx,
+            now["com_y"] - now["lowest"],
+            limit * sim.sound_speed / (COURANT * scene.h),
         )
-        values = np.array([feature.value(glance) for feature in self.rows], np.float32)
-        return np.minimum(np.maximum(values, self._low), self._high)
+        values = np.array([value(glance) for value in self._values], np.float32)
+        np.maximum(values, self._low, out=values)
+        return np.minimum(values, self._high, out=values)
 
 
 class Channel(NamedTuple):

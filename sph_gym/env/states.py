@@ -79,14 +79,6 @@ def check(state: Any, bounds: Bounds) -> Kept:
     return kept
 
 
-def plain(report: Report) -> tuple[Any, ...]:
-    """A report as a tuple of numbers and texts."""
-    return (
-        report.n_substeps, report.dt, report.diverged, report.cause, report.link,
-        report.bad_particle,
-    )  # fmt: skip
-
-
 def _named(name: str, value: Any, names: Iterable[str]) -> None:
     """ValueError for what is no dictionary with just these entries."""
     if not isinstance(value, Mapping):

@@ -286,9 +286,10 @@ class Ledger:
 
     def blown(self, totals: Totals, before: float) -> bool:
         """Whether there is more energy from nowhere than can be; before: [J/m] a leg ago."""
-        excess = self.excess(totals)
-        grown = self.surplus(totals) - before
-        burst = excess > self.HALF and grown > max(self.SUDDEN * self.stake, self._least_burst)
+        surplus, stake = self.surplus(totals), self.stake
+        excess = surplus / stake
+        least_burst = max(self.SUDDEN * stake, self._least_burst)
+        burst = excess > self.HALF and surplus - before > least_burst
         return burst or not (math.isfinite(excess) and excess <= self.TOLERANCE)
 
     def state(self) -> list[float]:

@@ -21,6 +21,7 @@ from sph_gym.solver.state import (
     empty_like,
 )
 from sph_gym.solver.stepping import (
+    BAD,
     FRESH,
     FULL,
     N_STATUS,
@@ -158,7 +159,8 @@ class Engine:
         """One compiled call, on as many threads as it is worth; see `stepping.advance`."""
         with teams.borrow(self._worthwhile(n_substeps - done)) as n_threads:
             stale = self.begin(n_threads, stale, done)
-            self._leg[0], self._dt[0] = (stale, time, done, n_substeps), dt
+            leg = self._leg[0]
+            leg[0], leg[1], leg[2], leg[3], self._dt[0] = stale, time, done, n_substeps, dt
             arguments = NO_BOUNDS, *self.records(), self._leg, self._dt
             began = perf_counter()
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
@@ -171,7 +173,8 @@ class Engine:
         Each thread has its own list, so that other shares want other lists.
         """
         before, self._listed_by = self._listed_by, n_threads
-        self.world.status[:, :3] = done, -1, 0
+        status = self.world.status
+        status[:, STEPS], status[:, BAD], status[:, FULL] = done, -1, 0
         if n_threads != before and stale == FRESH:
             self._spare_the_state()
             return UNSORTED
@@ -193,7 +196,7 @@ class Engine:
     @property
     def bad(self) -> int:
         """Place of the particle that failed in the last call, or -1."""
-        return int(stepping.first_bad(self.world.status, len(self.world.status)))
+        return next((place for place in self.world.status[:, BAD].tolist() if place >= 0), -1)
 
     @property
     def whole(self) -> bool:

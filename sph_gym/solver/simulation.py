@@ -1,8 +1,7 @@
 """`Simulation`: a running solver in the hands of a Python user."""
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +28,7 @@ DEFAULT_XSPH = 0.3
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Report:
+class Report(NamedTuple):
     """What one `advance` did.
 
     n_substeps: steps taken (the one that failed included); dt: their length [s]; diverged: x, v,
@@ -83,6 +81,7 @@ class Simulation:
         brute = self.neighbors == "brute"
         # the engine's scene, as seen from there
         self._origin = origin(scene, self._float)
+        self._shift: tuple[float, float] = tuple(self._origin.tolist())
         self._local = moved(scene, -self._origin)
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
         self._check_densities()
@@ -397,7 +396,7 @@ class Simulation:
         -1 if there was none: blowup_cause, its place in `failure.CAUSES`; blowup_substep,
         substeps from the start to it; time_to_failure [s].
         """
-        totals, scene = self._totals, self.scene
+        totals, scene, (x, y) = self._totals, self.scene, self._shift
         gravity = scene.effects.gravity_at(self.time)
         survey, self._acceleration = self.engine.survey(
             self._acceleration, self.time, gravity, totals[2:4], scene.dx
@@ -415,16 +414,18 @@ class Simulation:
             "potential_energy": self._potential_energy(gravity),
             "internal_energy": totals.internal,
             "energy_excess": self._ledger.excess(totals),
-            "com_x": totals.com_x + float(self._origin[0]),
-            "com_y": totals.com_y + float(self._origin[1]),
+            "com_x": totals.com_x + x,
+            "com_y": totals.com_y + y,
             "extent_x": survey.extent_x,
             "extent_y": survey.extent_y,
-            "lowest": survey.lowest + float(self._origin[1]),
-            "front": survey.front + float(self._origin[0]),
+            "lowest": survey.lowest + y,
+            "front": survey.front + x,
             "adrift": survey.adrift,
             "momentum_x": totals.momentum_x,
             "momentum_y": totals.momentum_y,
-            "angular_momentum": totals.angular_momentum + self._orbital_momentum(),
+            # of the engine's origin about the scene's, too
+            "angular_momentum": totals.angular_momentum
+            + (x * totals.momentum_y - y * totals.momentum_x),
             "max_speed": totals.max_speed,
             "max_acceleration": math.sqrt(survey.acceleration),
             "mach": totals.max_speed / self.sound_speed,
@@ -434,18 +435,13 @@ class Simulation:
             "time_to_failure": self._onset.time,
         }
 
-    def _orbital_momentum(self) -> float:
-        """Angular momentum [kg m/s] that the engine, counting from elsewhere, doesn't see."""
-        x, y = self._origin.tolist()
-        return x * self._totals.momentum_y - y * self._totals.momentum_x
-
     def _potential_energy(self, gravity: Array) -> float:
         """[J/m] in the uniform part of gravity (2,) [m/s^2], or in a central field."""
         field, n = self._local.effects.field, self.n_fluid
         if isinstance(field, CentralGravity):
             r2 = ((self._places[:n].astype(np.float64) - (field.x, field.y)) ** 2).sum()
             return 0.5 * self.mass * field.omega**2 * float(r2)
-        (gx, gy), (x, y) = gravity.tolist(), self._origin.tolist()
+        (gx, gy), (x, y) = gravity.tolist(), self._shift
         return -self.mass * n * (gx * (self._totals.com_x + x) + gy * (self._totals.com_y + y))
 
     # --- snapshots --------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 import numba
@@ -128,10 +128,18 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget)
 
 
-@contextmanager
-def borrow(n_threads: int) -> Iterator[int]:
+# Of whoever wants no others: entered in every step of an environment.
+_ALONE = nullcontext(1)
+
+
+def borrow(n_threads: int) -> AbstractContextManager[int]:
     """How many threads there are: n_threads, or one if another thread has the pool just now."""
-    if n_threads == 1 or not _pool.free.acquire(blocking=False):
+    return _ALONE if n_threads == 1 else _borrow(n_threads)
+
+
+@contextmanager
+def _borrow(n_threads: int) -> Iterator[int]:
+    if not _pool.free.acquire(blocking=False):
         yield 1
         return
     try:

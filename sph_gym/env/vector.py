@@ -241,21 +241,25 @@ def _columns(infos: Sequence[dict[str, Any] | None]) -> dict[str, Any]:
     known_infos = [info for info in infos if info is not None]
     if not known_infos:
         return {}
-    columns: dict[str, Any] = {}
-    for key, value in known_infos[0].items():
-        column = (
-            np.full(len(infos), None, object) if isinstance(value, str) else np.zeros(len(infos))
-        )
-        column[there] = [info[key] for info in known_infos]
-        columns[key], columns[f"_{key}"] = column, there.copy()
+    first = known_infos[0]
+    names = [key for key, value in first.items() if not isinstance(value, str)]
+    # in one go: an array for each of them takes three times as long
+    numbers = np.zeros((len(names), len(infos)))
+    numbers[:, there] = np.array([[info[name] for name in names] for info in known_infos]).T
+    columns: dict[str, Any] = dict(zip(names, numbers, strict=True))
+    for key in [key for key in first if key not in columns]:
+        columns[key] = np.full(len(infos), None, object)
+        columns[key][there] = [info[key] for info in known_infos]
+    masks = np.tile(there, (len(columns), 1))
+    columns |= {f"_{key}": mask for key, mask in zip(columns, masks, strict=True)}
     return columns
 
 
 def _final(finals: Sequence[tuple[Any, dict[str, Any]] | None]) -> dict[str, Any]:
     """Last observations and infos of the episodes that ended, as "final_obs" and "final_info"."""
-    there = np.array([final is not None for final in finals])
-    if not there.any():
+    if all(final is None for final in finals):
         return {}
+    there = np.array([final is not None for final in finals])
     observations = np.full(len(finals), None, object)
     for k, final in enumerate(finals):
         observations[k] = None if final is None else final[0]

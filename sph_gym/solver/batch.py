@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 from itertools import groupby
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sph_gym.solver import stepping, teams
 from sph_gym.solver.checks import whole
@@ -65,11 +67,20 @@ def _run(engines: Sequence[Engine], legs: Sequence[tuple[float, float, int]], mo
                         in zip(engines, legs, strict=True)])  # fmt: skip
     dts = np.array([dt for _, dt, _ in legs], engines[0].dtype)
     worlds, models, *shapes = zip(*(engine.records() for engine in engines), strict=True)
-    work = np.cumsum([engine.n for engine in engines] * columns[:, 3])
+    work = np.array([engine.n for engine in engines]) * columns[:, 3]
     with teams.borrow(min(most, len(engines))) as n_threads:
-        shares = np.arange(1, n_threads) * work[-1] / n_threads
-        bounds = np.array([0, *np.searchsorted(work, shares), len(engines)])
         teams.run(
-            stepping.advance, n_threads, teams.make_team(), bounds, np.concatenate(worlds),
-            np.concatenate(models), *(shape[0] for shape in shapes), columns, dts,
+            stepping.advance, n_threads, teams.make_team(), _bounds(work, n_threads),
+            np.concatenate(worlds), np.concatenate(models), *(shape[0] for shape in shapes),
+            columns, dts,
         )  # fmt: skip
+
+
+def _bounds(work: NDArray[Any], n_threads: int) -> NDArray[np.int64]:
+    """(n_threads + 1,) where each thread's simulations begin and end; work: (n,) of each.
+
+    A simulation belongs to the thread in whose share of the work its middle lies.
+    """
+    middles = np.cumsum(work) - work / 2
+    shares = np.arange(1, n_threads) * work.sum() / n_threads
+    return np.array([0, *np.searchsorted(middles, shares), len(work)])

@@ -34,7 +34,7 @@ class Plan(NamedTuple):
         ("dam_break", 0.04, 0.029),
         ("drop_impact", 0.0265, 0.0185),
     )
-    n_envs: int = 8
+    n_envs: int = 32
     skipped: int = 10
     steps: int = 20
     rounds: int = 15

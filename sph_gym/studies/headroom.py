@@ -8,7 +8,8 @@ gained.
 
 The ablation freezes each control at the value of the best static setting and searches again. A
 search that freezes nothing but looks in other places tells how much of a loss is its own luck: a
-control counts as needed where freezing it costs more than that by a margin.
+control counts as needed where freezing it costs more than that by a margin. A control may have to
+be there and yet need no steering; so XSPH is switched off as well, for the whole episode.
 """
 
 import csv
@@ -34,8 +35,9 @@ FOLDER = Path("runs/studies")
 HEADROOM, ENOUGH = 1.5, 5
 LOSS, LOSERS = 0.01, 2
 CONTROLS = ("Courant multiple", "sound speed", "xsph")
-# What another search with all controls loses.
+# What another search with all controls loses; and the coordinate of XSPH with no smoothing at all.
 LUCK = "nothing: luck of the search"
+XSPH_AXIS, XSPH_OFF = 2, -1.0
 # Fields of a contest and what tables call them.
 PLAYERS = {"rule": "tuned CFL", "static": "best static", "oracle": "oracle"}
 COLUMNS = ("instance", "label", "player", *Episode._fields, "within", "setting", "headroom")
@@ -63,8 +65,8 @@ class Contest(NamedTuple):
     """One instance: the rule, the best static setting and its coordinates, and the oracle.
 
     static, setting: None where no static setting keeps within tolerance. frozen: the oracle
-    without each of the controls; second: another oracle with all of them; both empty where that
-    wasn't tried.
+    without each of the controls; second: another oracle with all of them; unsmoothed: the oracle
+    with an epsilon of 0; all empty where that wasn't tried.
     """
 
     rule: Episode
@@ -73,6 +75,7 @@ class Contest(NamedTuple):
     oracle: Episode
     frozen: tuple[Episode, ...]
     second: tuple[Episode, ...] = ()
+    unsmoothed: tuple[Episode, ...] = ()
 
     @property
     def headroom(self) -> float:
@@ -133,15 +136,18 @@ def contest(plan: Plan, scene: str, number: int, folder: Path) -> Contest:
     def look_ahead(search: Search) -> Episode:
         return episode("oracle", search, run=partial(run, scene, instance, Oracle(search)))
 
-    oracle, frozen, second = look_ahead(search), [], []
-    if setting is not None and number < plan.ablated and scene not in instances.DIAGNOSTIC:
-        for axis, value in enumerate(setting):
-            policy = Oracle(search, {axis: value})
-            frozen.append(
-                episode("frozen", search, axis, value, run=partial(run, scene, instance, policy))
-            )
-        second.append(look_ahead(plan.elsewhere))
-    return Contest(rule, static, setting, oracle, tuple(frozen), tuple(second))
+    def freeze(axis: int, value: float) -> Episode:
+        policy = Oracle(search, {axis: value})
+        return episode("frozen", search, axis, value, run=partial(run, scene, instance, policy))
+
+    found = Contest(rule, static, setting, look_ahead(search), ())
+    if setting is None or number >= plan.ablated or scene in instances.DIAGNOSTIC:
+        return found
+    return found._replace(
+        frozen=tuple(freeze(axis, value) for axis, value in enumerate(setting)),
+        second=(look_ahead(plan.elsewhere),),
+        unsmoothed=(freeze(XSPH_AXIS, XSPH_OFF),),
+    )
 
 
 def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
@@ -168,6 +174,8 @@ def _players(one: Contest) -> Iterator[tuple[str, Episode, Point | str]]:
         yield f"oracle without {control}", episode, ""
     for episode in one.second:
         yield "oracle, looking elsewhere", episode, ""
+    for episode in one.unsmoothed:
+        yield "oracle, epsilon 0", episode, ""
 
 
 def _id(scene: str, number: int) -> str:
@@ -194,6 +202,9 @@ def rows(scene: str, contests: list[Contest]) -> Iterator[Row]:
     yield from _headrooms(scene, contests, case, all_of_them)
     for name, loss in losses(contests).items():
         yield Row(f"reward lost without {name}", case, loss, "")
+    off = [_best(one) - each.reward for one in contests for each in one.unsmoothed]
+    if off:
+        yield Row("reward lost with an epsilon of 0", case, float(np.mean(off)), "")
 
 
 def _means(title: str, case: str, runs: list[Episode]) -> Iterator[Row]:
@@ -242,12 +253,20 @@ def losses(contests: list[Contest]) -> dict[str, float]:
     """
     lost: dict[str, list[float]] = {name: [] for name in (*CONTROLS, LUCK)}
     for one in contests:
-        searches = (*one.frozen, *one.second)
-        static = -math.inf if one.static is None else one.static.reward
-        best = max(static, one.oracle.reward, *(each.reward for each in searches))
-        for name, each in zip(lost, searches, strict=False):
+        static, best = _of_static(one), _best(one)
+        for name, each in zip(lost, (*one.frozen, *one.second), strict=False):
             lost[name].append(best - max(each.reward, static))
     return {name: float(np.mean(values)) for name, values in lost.items() if values}
+
+
+def _of_static(one: Contest) -> float:
+    return -math.inf if one.static is None else one.static.reward
+
+
+def _best(one: Contest) -> float:
+    """The best known mean reward of an instance."""
+    searches = (one.oracle, *one.frozen, *one.second, *one.unsmoothed)
+    return max(_of_static(one), *(each.reward for each in searches))
 
 
 def needed(contests: list[Contest]) -> list[str]:

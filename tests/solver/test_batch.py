@@ -1,6 +1,7 @@
 """Many simulations at once do what each would have done alone, to the last bit."""
 
 import copy
+import itertools
 import pickle
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from numba.core import config
 
 from sph_gym import Controls, advance_all
+from sph_gym.solver.batch import _bounds
 from tests.cases import STIFFNESS, scene, simulation
 from tests.solver.test_simulation import assert_same
 
@@ -40,6 +42,19 @@ def test_together_as_alone(dtype, threads):
                 stiffness=(0.5 + 0.2 * k) * STIFFNESS, xsph=0.1 * k
             )
     assert_all_same(together, alone)
+
+
+def test_every_thread_gets_its_share():
+    assert _bounds(np.full(8, 20), 1).tolist() == [0, 8]
+    assert _bounds(np.full(8, 20), 2).tolist() == [0, 4, 8]
+    assert _bounds(np.full(9, 20), 3).tolist() == [0, 3, 6, 9]
+    assert _bounds(np.array([1, 1, 1, 100]), 2).tolist() == [0, 3, 4]
+    rng = np.random.default_rng(0)
+    for n_threads in (2, 3, 4):
+        work = rng.integers(1, 100, 20)
+        bounds = _bounds(work, n_threads)
+        shares = [work[a:b].sum() for a, b in itertools.pairwise(bounds)]
+        assert np.abs(np.array(shares) - work.sum() / n_threads).max() <= work.max()
 
 
 def mixed():

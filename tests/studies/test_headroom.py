@@ -62,6 +62,14 @@ def test_a_control_is_needed_where_more_is_lost_than_by_luck():
     assert headroom.needed(unlucky) == ["xsph"]
 
 
+def test_a_control_can_be_wanted_without_being_steered():
+    found = [searched(0.7, 0.7, 0.8, second=0.8)._replace(unsmoothed=(episode(reward=0.5),))]
+    assert "xsph" not in headroom.needed(found)
+    row = table("dam_break", found)["reward lost with an epsilon of 0"]
+    assert row.value == pytest.approx(0.3)
+    assert "reward lost with an epsilon of 0" not in table("dam_break", [contest()])
+
+
 def test_the_summary_counts_scenes_that_are_games():
     good = [searched(0.7, 0.8, 0.7, second=0.8)]
     found = dict.fromkeys(headroom.SCENES, good)

@@ -186,7 +186,7 @@ def train(kind: type[BaseAlgorithm], algorithm: str, args: Args) -> None:
 
     kind: PPO, SAC or DQN; algorithm: the name of its YAML file and of its folder.
     """
-    # the networks are small, and the processes of the environments want the cores
+    # the networks are small, and the threads of the environments want the cores
     torch.set_num_threads(1)
     path, envs = folder(algorithm, args), make_envs(algorithm, args)
     if args.resume:

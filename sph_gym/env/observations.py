@@ -152,7 +152,6 @@ class Features:
         self._rollback = rollback
         low, high = ([getattr(feature, side) for feature in self.rows] for side in ("low", "high"))
         self._low, self._high = np.array(low, np.float32), np.array(high, np.float32)
-        self._values = [feature.value for feature in self.rows]
 
     @property
     def rows(self) -> tuple[Feature, ...]:
@@ -181,7 +180,7 @@ class Features:
             now["com_y"] - now["lowest"],
             limit * sim.sound_speed / (COURANT * scene.h),
         )
-        values = np.array([value(glance) for value in self._values], np.float32)
+        values = np.array([feature.value(glance) for feature in self.rows], np.float32)
         np.maximum(values, self._low, out=values)
         return np.minimum(values, self._high, out=values)
 

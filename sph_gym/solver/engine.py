@@ -162,6 +162,9 @@ class Engine:
             leg = self._leg[0]
             leg[0], leg[1], leg[2], leg[3], self._dt[0] = stale, time, done, n_substeps, dt
             arguments = NO_BOUNDS, *self.records(), self._leg, self._dt
+            if self._most == 1:
+                stepping.advance(0, 1, *arguments)
+                return
             began = perf_counter()
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
             work = self.n * (n_substeps - done)

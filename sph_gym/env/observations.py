@@ -72,10 +72,7 @@ SETBACKS = Feature(
 
 
 def _entries(moment: Moment) -> list[float]:
-    """The values of FEATURES, in their order.
-
-    One function for all of them: a call for each would be a tenth of the Python in a step.
-    """
+    """The values of FEATURES, in their order: in one go, since every step asks for them."""
     sim, now, before = moment.sim, moment.now, moment.before
     scene = sim.scene
     speed, size = scene.fluid.c0 / 10, math.sqrt(sim.n_fluid) * scene.dx

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.controllers import ArticleCfl, Controller, Network, Static, TunedCfl, nominal
+from sph_gym.controllers.network import shipped_network
 from sph_gym.env.actions import Discrete
 from sph_gym.env.oracle import Oracle
 
 # (environment, observation) -> action
 Policy = Callable[[gym.Env[Any, Any], NDArray[np.float32]], Any]
 
-TRAINED = Path(__file__).parent / "trained"
 LEARNED = ("ppo", "sac", "dqn")
 NAMES = ("random", "default", "cfl", "tuned_cfl", "grid_search", "lookahead", *LEARNED)
 
@@ -34,7 +34,7 @@ class Spec(NamedTuple):
 
 def trained_network(name: str, scene: str) -> Path:
     """Where the exported network of a learned agent for a scene is shipped."""
-    return TRAINED / f"{name}_{scene}.npz"
+    return shipped_network(name, scene)
 
 
 def build(spec: Spec, seed: int) -> Policy:

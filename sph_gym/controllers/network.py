@@ -1,6 +1,5 @@
 """A small exported policy network that runs in plain NumPy."""
 
-import os
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +9,17 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.files import atomic_write
+
 SQUASH = ("clip", "tanh", "none")
+# Networks that come with the package.
+SHIPPED = Path(__file__).parent / "networks"
 Floats = NDArray[np.float32]
+
+
+def shipped_network(algorithm: str, scene: str) -> Path:
+    """Return where the package has the network of an algorithm for a scene, if it has one."""
+    return SHIPPED / f"{algorithm}_{scene}.npz"
 
 
 @dataclass(frozen=True)
@@ -43,14 +51,8 @@ class Network:
         """Write a .npz file that `load` reads; a kill leaves all of it or what was there before."""
         layers: dict[str, Any] = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
-        target = Path(path)
-        draft = target.with_name(f"{target.name}.{os.getpid()}.tmp")
-        try:
-            with draft.open("wb") as file:
-                np.savez_compressed(file, activation=self.activation, squash=self.squash, **layers)
-            os.replace(draft, target)
-        finally:
-            draft.unlink(missing_ok=True)
+        with atomic_write(path, make_folder=False) as draft:
+            np.savez_compressed(draft, activation=self.activation, squash=self.squash, **layers)
 
     @staticmethod
     def load(path: str | Path) -> "Network":

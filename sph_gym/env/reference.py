@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from sph_gym.controllers import rules
 from sph_gym.controllers.rules import TunedCfl, from_numbers
-from sph_gym.env import actions, manifest, viscous, whole
+from sph_gym.env import actions, manifest, viscous
+from sph_gym.files import atomic_write
 from sph_gym.solver.jit import cache_home, source_hash
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
@@ -290,6 +291,7 @@ def _read(path: Path) -> Reference | None:
 def _write(path: Path, stored: Reference) -> None:
     """Store in one go, so that two processes may do it at once."""
     try:
-        whole.write(path, lambda file: np.savez_compressed(file, **as_arrays(stored)))
+        with atomic_write(path) as draft:
+            np.savez_compressed(draft, **as_arrays(stored))
     except OSError as error:
         warnings.warn(f"the reference can't be kept on disk: {error}", stacklevel=2)

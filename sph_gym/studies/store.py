@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import sph_gym
-from sph_gym.env import whole
+from sph_gym.files import atomic_write
 from sph_gym.solver.jit import source_hash
 
 
@@ -106,4 +106,5 @@ def write(path: Path, stored: Any) -> None:
 
     Raises OSError that names the file.
     """
-    whole.write(path, lambda file: file.write(json.dumps(stored).encode()))
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps(stored))

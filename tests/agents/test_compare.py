@@ -6,8 +6,9 @@ import pandas as pd
 import pytest
 
 from agents import compare, evaluate, grid_search, report
-from agents.policies import NAMES, TRAINED, Spec, build, trained_network
+from agents.policies import NAMES, Spec, build, trained_network
 from sph_gym.controllers import Network
+from sph_gym.controllers.network import SHIPPED
 from sph_gym.env import env_id
 from sph_gym.env.instances import ODD
 
@@ -70,7 +71,7 @@ def test_dice_are_thrown_by_their_seed():
 
 
 def test_every_shipped_network_loads_and_fits():
-    shipped = sorted(TRAINED.glob("*.npz"))
+    shipped = sorted(SHIPPED.glob("*.npz"))
     assert trained_network("ppo", "dam_break") in shipped
     for path in shipped:
         action = Network.load(path)(np.zeros(20, np.float32))

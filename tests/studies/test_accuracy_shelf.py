@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from sph_gym import files
 from sph_gym.__main__ import main
-from sph_gym.env import whole
 from sph_gym.studies import accuracy, store
 from sph_gym.studies.accuracy import peer, points, policies, problems, rerun, shelf
 from sph_gym.studies.accuracy.running import execute
@@ -117,7 +117,7 @@ def test_a_full_disk_is_told_of_with_the_file(tmp_path, monkeypatch):
         assert draft.stat().st_size > 0
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(whole.os, "replace", full)
+    monkeypatch.setattr(files.os, "replace", full)
     with pytest.raises(OSError, match=r"can't be written: No space left.*points.*json"):
         buy(tmp_path)
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from sph_gym.env import whole
+from sph_gym import files
 from sph_gym.studies import episodes, store, validation
 
 
@@ -50,7 +50,7 @@ def test_a_full_disk_is_named_and_nothing_half_is_left(tmp_path, monkeypatch):
         assert draft.stat().st_size > 0
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(whole.os, "replace", full)
+    monkeypatch.setattr(files.os, "replace", full)
     with pytest.raises(OSError, match=r"can't be written: No space left.*run\.json"):
         store.write(path, {"result": 1})
     assert list(tmp_path.iterdir()) == []

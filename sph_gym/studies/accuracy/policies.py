@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import sph_gym
 from sph_gym.controllers import ArticleCfl, Controller, Network, TunedCfl
+from sph_gym.controllers.network import shipped_network
 from sph_gym.env.oracle import COARSE, Oracle
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.solver.scene import Scene
@@ -32,8 +32,8 @@ def available(name: str, scene: str) -> bool:
 
 
 def network(name: str, scene: str) -> Path:
-    """Where a checkout keeps the trained network of an agent."""
-    return Path(sph_gym.__file__).parent.parent / "agents" / "trained" / f"{name}_{scene}.npz"
+    """Where the package has the trained network of an agent."""
+    return shipped_network(name, scene)
 
 
 def needs_schedule(name: str) -> bool:

@@ -1,0 +1,30 @@
+"""Optional dependencies: what to say where one is missing, and the progress bar."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def needs_extra(extra: str) -> Iterator[None]:
+    """Make a failed import inside the block name the extra that provides the module.
+
+    Raises ImportError with the command that installs `extra`, such as "studies" or "agents".
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise ImportError(
+            f'{error.name} is missing: pip install "sph_gym[{extra}]"', name=error.name
+        ) from None
+
+
+def progress_bar(total: float, title: str = "", unit: str = "run") -> Any:
+    """Return a tqdm progress bar on stderr, to be used in a `with` statement.
+
+    Raises ImportError that names the extra if tqdm is missing.
+    """
+    with needs_extra("studies"):
+        from tqdm import tqdm
+    return tqdm(total=total, desc=title or None, unit=unit, file=sys.stderr, leave=False)

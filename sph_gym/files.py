@@ -1,0 +1,44 @@
+"""Write files atomically: a file is complete or absent, whatever stops the writer."""
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+# Seconds after which a draft counts as abandoned by a writer that was killed.
+ABANDONED = 3600.0
+
+
+@contextmanager
+def atomic_write(path: str | os.PathLike[str], make_folder: bool = True) -> Iterator[Path]:
+    """Yield the path of a draft, which replaces `path` when the block ends without an error.
+
+    The draft has the suffix of `path`, so that writers which choose a format by it work.
+    Neither a kill nor a second process can leave half a file; an error leaves what was there.
+    make_folder: whether a missing folder is created. Raises OSError that names the file if it
+    cannot be written.
+    """
+    target = Path(path)
+    draft = target.with_name(f".{target.stem}.{os.getpid()}.{threading.get_ident()}{target.suffix}")
+    try:
+        if make_folder:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        _remove_abandoned_drafts(target)
+        yield draft
+        os.replace(draft, target)
+    except OSError as error:
+        reason = f"can't be written: {error.strerror or error}"
+        raise OSError(error.errno, reason, str(target)) from None
+    finally:
+        # a full disk or Ctrl-C may leave a draft behind
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+
+
+def _remove_abandoned_drafts(target: Path) -> None:
+    for draft in target.parent.glob(f".{target.stem}.*.*{target.suffix}"):
+        with suppress(OSError):
+            if time.time() - draft.stat().st_mtime > ABANDONED:
+                draft.unlink()

@@ -1,0 +1,1 @@
+"""Settings for an error or a budget, from tables of measured runs."""

@@ -2,7 +2,8 @@
 
 import platform
 import sys
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -12,79 +13,86 @@ import imageio.v3 as imageio
 import numba
 import numpy as np
 import pandas as pd
-import tyro
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 import sph_gym
 from agents import grid_search, plots, report
+from agents.arguments import option, parse
 from agents.evaluate import (
     evaluate,
     instance_ids,
     play,
-    readable,
     shift_table,
-    show,
+    show_summary,
     summary_table,
 )
-from agents.looks import AGENTS
-from agents.policies import LEARNED, NAMES, Spec, build, trained_network
+from agents.policies import LEARNED, NAMES, Spec, build
+from agents.styles import style_of
+from sph_gym.controllers.network import shipped_network
 from sph_gym.env import env_id
-from sph_gym.env.instances import ODD, parse
+from sph_gym.env.instances import ODD
+from sph_gym.env.instances import parse as parse_instance
+from sph_gym.extras import progress_bar
+from sph_gym.solver.checks import known
+from sph_gym.studies.machine import describe
 from sph_gym.view import Painter, side_by_side, write_video
 
 PANEL_WIDTH = 480
 FRAMES_PER_SECOND = 20
+Picture = NDArray[np.uint8]
 
 
 @dataclass
-class Args:
-    """Compare agents on unseen instances of a scene; writes a table, plots, a video, a report."""
+class ComparisonArgs:
+    """Arguments of a comparison."""
 
-    scene: str = "dam_break"
-    """scene of the environment"""
-    agents: tuple[str, ...] = NAMES
-    """which agents"""
-    instances: str = "test"
-    """nominal, train, val, test or ood; of ood, each shift is told by itself too"""
-    n_instances: int = 16
-    """how many of them, the same for every agent"""
-    n_search: int = 6
-    """training instances of the grid search"""
-    grid: tuple[int, int, int] = (4, 6, 3)
-    """grid of the search: how many Courant multiples, sound speeds and xsph values"""
-    networks: dict[str, Path] = field(default_factory=dict)
-    """exported networks instead of the shipped ones, e.g. --networks ppo runs/x/network.npz"""
-    output: Path = Path("runs/compare")
-    """folder of the report; finished runs in it are kept"""
+    scene: str = option("scene of the environment", "dam_break")
+    agents: tuple[str, ...] = option("which agents", NAMES)
+    instances: str = option(
+        "nominal, train, val, test or ood; of ood, each shift gets a table of its own too", "test"
+    )
+    n_instances: int = option("how many of them, the same for every agent", 16)
+    n_search: int = option("training instances of the grid search", 6)
+    grid: tuple[int, int, int] = option(
+        "grid of the search: how many Courant multiples, sound speeds and xsph values", (4, 6, 3)
+    )
+    networks: tuple[str, ...] = option(
+        "exported networks instead of the shipped ones: ppo runs/x/network.npz sac FILE ...", ()
+    )
+    output: Path = option(
+        "folder of the report; finished episodes in it are kept", Path("runs/compare")
+    )
 
 
-def specs(args: Args) -> list[Spec]:
-    """The agents as plain data; learned ones without a trained network are left out aloud.
+def specs(args: ComparisonArgs) -> list[Spec]:
+    """Return the agents as plain data; say which have no trained network and are left out.
 
-    Raises ValueError for unknown names.
+    Raises ValueError for unknown names, and for networks that are no pairs of agent and file.
     """
+    if len(args.networks) % 2:
+        raise ValueError(f"networks: expected pairs of agent and file, got {args.networks}")
+    networks = dict(zip(args.networks[::2], args.networks[1::2], strict=True))
+    for name in (*args.agents, *networks):
+        known("agents", name, NAMES)
     chosen = []
     for name in args.agents:
-        if name not in NAMES:
-            raise ValueError(f"agents: expected some of {', '.join(NAMES)}, got {name!r}")
         if name == "grid_search":
             chosen.append(grid_search.best(_search(args)))
         elif name in LEARNED:
-            network = args.networks.get(name, trained_network(name, args.scene))
-            if not network.exists():
+            network = Path(networks.get(name, shipped_network(name, args.scene)))
+            if network.exists():
+                chosen.append(Spec(name, network=str(network)))
+            else:
                 print(f"{name}: no network has been trained for {args.scene}, left out")
-                continue
-            chosen.append(Spec(name, network=str(network)))
         else:
             chosen.append(Spec(name))
     return chosen
 
 
-def _search(args: Args) -> pd.DataFrame:
+def _search(args: ComparisonArgs) -> pd.DataFrame:
     n_courant, n_sound, n_xsph = args.grid
     return grid_search.search(
-        grid_search.Args(
+        grid_search.GridSearchArgs(
             scene=args.scene,
             n_instances=args.n_search,
             courant=_spread(0.5, 1.2, n_courant),
@@ -96,57 +104,59 @@ def _search(args: Args) -> pd.DataFrame:
 
 
 def _spread(low: float, high: float, count: int) -> tuple[float, ...]:
-    """Values from low to high at equal ratios."""
+    """Return values from low to high at equal ratios."""
     return tuple(round(float(value), 3) for value in np.geomspace(low, high, count))
 
 
-class Recorder(gym.Wrapper[Any, Any, Any, Any]):
+class FilmedEnv(gym.Wrapper[Any, Any, Any, Any]):
     """Keeps a picture of every step."""
 
-    def __init__(self, env: gym.Env[Any, Any], label: str) -> None:
+    def __init__(self, env: gym.Env[Any, Any], title: str) -> None:
         super().__init__(env)
-        self._label = label
-        self.pictures: list[NDArray[np.uint8]] = []
+        self._title = title
+        self.pictures: list[Picture] = []
 
     def step(self, action: Any) -> Any:
-        """One step, and its picture."""
+        """Make one step, and its picture."""
         result = self.env.step(action)
         tuning: Any = self.env.unwrapped
         if not self.pictures:
             self._painter = Painter(tuning.sim.scene, size=PANEL_WIDTH)
         info = result[4]
         end = f"blew up ({info['blowup_cause']})" if result[2] else f"work {info['work']:.2f}"
-        self.pictures.append(self._painter.paint(tuning.sim, title=self._label, lines=(end,)))
+        self.pictures.append(self._painter.paint(tuning.sim, title=self._title, lines=(end,)))
         return result
 
 
-def record(
+def film(
     chosen: list[Spec], scene: str, instance: str
-) -> tuple[dict[str, list[dict[str, Any]]], list[list[NDArray[np.uint8]]]]:
-    """One episode of every agent on the same instance: its infos and its pictures."""
+) -> tuple[dict[str, list[dict[str, Any]]], list[list[Picture]]]:
+    """Play an episode of every agent on one instance; return infos by agent, and pictures."""
     episodes, pictures = {}, []
-    for spec in tqdm(chosen, desc="recording", unit="agent"):
-        env = Recorder(gym.make(env_id(scene)), AGENTS[spec.name][0])
-        episodes[spec.name] = play(env, build(spec, 0), instance, seed=0)
-        pictures.append(env.pictures)
+    with progress_bar(len(chosen), "recording", "agent") as bar:
+        for spec in chosen:
+            env = FilmedEnv(gym.make(env_id(scene)), style_of(spec.name).label)
+            episodes[spec.name] = play(env, build(spec, 0), instance, seed=0)
+            pictures.append(env.pictures)
+            bar.update()
     return episodes, pictures
 
 
-def animate(pictures: list[list[NDArray[np.uint8]]], folder: Path) -> None:
-    """All agents side by side, as a film and as a still from a third into it.
+def animate(pictures: list[list[Picture]], folder: Path) -> None:
+    """Write all agents side by side, as a film and as a still from a third into it.
 
     One that blew up stays on its last picture.
     """
     length = max(map(len, pictures))
 
-    def at(k: int) -> NDArray[np.uint8]:
+    def at(k: int) -> Picture:
         return side_by_side([own[min(k, len(own) - 1)] for own in pictures])
 
     write_video(folder / "side_by_side.mp4", map(at, range(length)), FRAMES_PER_SECOND)
     imageio.imwrite(folder / "side_by_side.png", at(length // 3))
 
 
-def compare(args: Args) -> Path:
+def compare(args: ComparisonArgs) -> Path:
     """Run everything that is missing and write the folder. Returns the path of the report."""
     instances = instance_ids(args.scene, args.instances, args.n_instances)
     chosen = specs(args)
@@ -158,21 +168,19 @@ def compare(args: Args) -> Path:
     plots.plot_returns(runs, args.output / "returns.png")
     plots.plot_cost_against_error(runs, args.output / "cost_against_error.png")
     plots.plot_reward_terms(runs, args.output / "reward_terms.png")
-    episodes, pictures = record(chosen, args.scene, instances[0])
-    scene = parse(instances[0]).build()
+    episodes, pictures = film(chosen, args.scene, instances[0])
+    scene = parse_instance(instances[0]).build()
     nominal = scene.fluid.stiffness(scene.fluid.c0)
     plots.plot_controls(episodes, args.output / "controls.png", nominal)
     animate(pictures, args.output)
     page = report.write_report(args.output, _context(args, chosen, summary, instances))
-    show(readable(summary), f"{args.scene}: {len(instances)} instances of {args.instances!r}")
-    if len(shifts):
-        show(readable(shifts), f"{args.scene}, by what is out of distribution")
+    show_summary(runs, f"{args.scene}: {len(instances)} instances of {args.instances!r}")
     print("mean ± half of the 95 % bootstrap interval over instances; best return first")
     return page
 
 
 def _context(
-    args: Args, chosen: list[Spec], summary: pd.DataFrame, instances: list[str]
+    args: ComparisonArgs, chosen: Sequence[Spec], summary: pd.DataFrame, instances: list[str]
 ) -> dict[str, Any]:
     return {
         "notes": _notes(args, chosen),
@@ -187,31 +195,33 @@ def _context(
             "numpy": np.__version__,
             "numba": numba.__version__,
         },
-        "cpu": report.cpu_name(),
+        "cpu": describe()["processor"],
         "date": date.today().isoformat(),
     }
 
 
-def _notes(args: Args, chosen: list[Spec]) -> list[str]:
-    notes = [_note(spec, args) for spec in chosen if spec.settings or spec.network]
+def _notes(args: ComparisonArgs, chosen: Sequence[Spec]) -> list[str]:
+    """Return sentences about how the agents were set up."""
+    notes = []
+    for spec in chosen:
+        if spec.network is not None:
+            label = style_of(spec.name).label
+            notes.append(f"{label} plays the network {Path(spec.network).name}.")
+        elif spec.settings is not None:
+            courant, sound, xsph = spec.settings
+            notes.append(
+                f"The grid search tried {np.prod(args.grid)} settings on {args.n_search} training "
+                f"instances; the best was dt = {courant:g} h/c, c = {sound:g} c0, "
+                f"xsph = {xsph:g}."
+            )
     if args.instances == "ood":
-        kinds = ", ".join(ODD.values())
         notes.append(
-            f"These flows are out of distribution in four ways, in turns: {kinds}. The table "
-            "takes them together; table_by_shift.csv and table_by_shift.md tell them apart."
+            f"These flows are out of distribution in four ways, in turns: {', '.join(ODD.values())}"
+            ". The table takes them together; table_by_shift.csv and table_by_shift.md tell them "
+            "apart."
         )
     return notes
 
 
-def _note(spec: Spec, args: Args) -> str:
-    if spec.settings is None:
-        return f"{AGENTS[spec.name].label} plays the network {Path(str(spec.network)).name}."
-    courant, sound, xsph = spec.settings
-    return (
-        f"The grid search tried {np.prod(args.grid)} settings on {args.n_search} training "
-        f"instances; the best was dt = {courant:g} h/c, c = {sound:g} c0, xsph = {xsph:g}."
-    )
-
-
 if __name__ == "__main__":
-    print(f"report: {compare(tyro.cli(Args, description=__doc__))}")
+    print(f"report: {compare(parse(ComparisonArgs, __doc__))}")

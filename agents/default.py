@@ -1,9 +1,6 @@
-"""Keeps the nominal constants of the scene: what a user gets who tunes nothing."""
+"""Keep the nominal constants of the scene: what a user gets without tuning."""
 
-import tyro
-
-from agents.evaluate import Args, main
-from agents.policies import Spec
+from agents.evaluate import main
 
 if __name__ == "__main__":
-    main(Spec("default"), tyro.cli(Args, description=__doc__))
+    main("default", __doc__)

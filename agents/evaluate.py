@@ -1,21 +1,25 @@
-"""One episode of one agent on one instance, and many of them; the ground that all agents share."""
+"""Play an agent on instances, one episode or many, and sum up how it did."""
 
-import hashlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 import pandas as pd
 
+from agents import policies
+from agents.arguments import option, parse
 from agents.jobs import run_jobs
 from agents.policies import Policy, Spec, build
 from sph_gym.env import SCENES, env_id
 from sph_gym.env.instances import ODD, SIZES, shift
+from sph_gym.files import atomic_write
+from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import known
+from sph_gym.studies.results import Results
 from sph_gym.studies.table import print_table
 
 # Columns of a table of runs and their headings.
@@ -30,32 +34,39 @@ MEASURES = {
 PERCENT = ("density_error", "clumping", "blowup")
 
 
-@dataclass
-class Args:
-    """Run one agent on numbered instances of a scene and print how it did."""
+# Sources of the agents, besides those of the package, that decide how an episode goes.
+SOURCES = (Path(__file__), Path(policies.__file__))
 
-    scene: str = "dam_break"
-    """scene of the environment"""
-    instances: str = "test"
-    """nominal, train, val, test or ood"""
-    n_instances: int = 8
-    """how many of them"""
-    output: Path = Path("runs")
-    """folder of the CSV file"""
+
+@dataclass
+class EvaluationArgs:
+    """Arguments of a program that plays one agent."""
+
+    scene: str = option("scene of the environment", "dam_break")
+    instances: str = option("nominal, train, val, test or ood", "test")
+    n_instances: int = option("how many of them", 8)
+    output: Path = option("folder of the CSV file; finished episodes in it are kept", Path("runs"))
+
+
+class Job(NamedTuple):
+    """An episode to be played: an agent on an instance of a scene, with a seed."""
+
+    spec: Spec
+    scene: str
+    instance: str
+    seed: int
 
 
 def instance_ids(scene: str, split: str, count: int) -> list[str]:
-    """The first `count` instances of a split. Raises ValueError for names that don't exist."""
+    """Return the first `count` instances of a split. Raises ValueError for unknown names."""
     known("scene", scene, SCENES)
-    if split not in SIZES:
-        raise ValueError(f"instances: expected one of {', '.join(SIZES)}, got {split!r}")
-    if not 1 <= count <= SIZES[split]:
+    if not 1 <= count <= SIZES[known("instances", split, SIZES)]:
         raise ValueError(f"n_instances: expected 1 to {SIZES[split]} in {split!r}, got {count}")
     return [f"{scene}/{split}/{k}" for k in range(count)]
 
 
 def play(env: gym.Env[Any, Any], policy: Policy, instance: str, seed: int) -> list[dict[str, Any]]:
-    """One episode; returns the info of every step, with the reward as "reward"."""
+    """Play one episode; return the info of every step, with the reward as "reward"."""
     observation, _ = env.reset(seed=seed, options={"instance": instance})
     infos: list[dict[str, Any]] = []
     over = False
@@ -67,7 +78,7 @@ def play(env: gym.Env[Any, Any], policy: Policy, instance: str, seed: int) -> li
 
 
 def summarise(infos: list[dict[str, Any]], n_steps: int) -> dict[str, Any]:
-    """An episode in one row. "return" is the sum of rewards per planned step."""
+    """Return an episode in one row; "return" is the sum of rewards per planned step."""
     table = pd.DataFrame(infos)
     terms = [name for name in table.columns if name.startswith("reward_")]
     return {
@@ -85,7 +96,7 @@ def summarise(infos: list[dict[str, Any]], n_steps: int) -> dict[str, Any]:
 
 
 def run_episode(spec: Spec, scene: str, instance: str, seed: int) -> dict[str, Any]:
-    """Build environment and agent, play one episode, summarise it."""
+    """Build environment and agent, play one episode, and return its row."""
     env = gym.make(env_id(scene))
     began = time.perf_counter()
     infos = play(env, build(spec, seed), instance, seed)
@@ -93,49 +104,64 @@ def run_episode(spec: Spec, scene: str, instance: str, seed: int) -> dict[str, A
     return row | {"wall_seconds": time.perf_counter() - began}
 
 
-def evaluate(
-    specs: Sequence[Spec], scene: str, instances: Sequence[str], path: Path, title: str = "episodes"
-) -> pd.DataFrame:
-    """Every agent on every instance with the same seeds; finished runs in `path` are kept.
+def run_episodes(jobs: Sequence[Job], folder: Path, title: str) -> list[dict[str, Any]]:
+    """Return the row of every job, in their order; what `folder` has is not played again.
 
     Raises OSError for a network that can't be read.
     """
-    jobs, keys = [], []
-    for spec in specs:
-        about = {"agent": spec.name, "settings": _settings(spec)}
-        for seed, instance in enumerate(instances):
-            jobs.append((spec, scene, instance, seed))
-            keys.append(about | {"instance": instance, "seed": seed})
-    return run_jobs(run_episode, jobs, keys, path, title)
+    code = content_hash(*SOURCES)
+    keys = [_about(job) | {"code": code} for job in jobs]
+    return run_jobs(run_episode, jobs, keys, Results(folder / "episodes"), title)
 
 
-def _settings(spec: Spec) -> str:
-    """What sets an agent apart from others of its name: its settings, or what its network holds.
+def evaluate(
+    specs: Sequence[Spec], scene: str, instances: Sequence[str], path: Path
+) -> pd.DataFrame:
+    """Return one row an agent and instance, with the same seeds for all; also a CSV file, `path`.
 
-    A network that is trained anew lies where the old one lay, so that its path tells nothing.
+    Finished episodes are kept beside it. Raises OSError for a network that can't be read.
     """
-    if spec.network is None:
-        return str(spec.settings or "")
-    path = Path(spec.network)
-    return f"{path.name} sha256:{hashlib.sha256(path.read_bytes()).hexdigest()}"
+    numbered = list(enumerate(instances))
+    jobs = [Job(spec, scene, instance, seed) for spec in specs for seed, instance in numbered]
+    rows = run_episodes(jobs, path.parent, "episodes")
+    runs = pd.DataFrame([_about(job) | row for job, row in zip(jobs, rows, strict=True)])
+    write_csv(runs, path)
+    return runs
 
 
-def interval(values: np.ndarray, confidence: float = 0.95) -> tuple[float, float, float]:
-    """Mean and bootstrap confidence interval over instances."""
+def _about(job: Job) -> dict[str, Any]:
+    """Return the columns that identify an episode.
+
+    A network counts by its content: one that is trained anew lies where the old one lay.
+    """
+    settings = str(job.spec.settings or "")
+    if job.spec.network is not None:
+        path = Path(job.spec.network)
+        settings = f"{path.name} {content_hash(path)}"
+    agent, instance, seed = job.spec.name, job.instance, job.seed
+    return {"agent": agent, "settings": settings, "instance": instance, "seed": seed}
+
+
+def write_csv(table: pd.DataFrame, path: Path) -> None:
+    """Write a table as CSV; make its folder if there is none."""
+    with atomic_write(path) as draft:
+        table.to_csv(draft, index=False)
+
+
+def interval(values: np.ndarray) -> tuple[float, float, float]:
+    """Return the mean and the ends of its 95 % bootstrap confidence interval."""
     from scipy.stats import bootstrap
 
     values = np.asarray(values, dtype=float)
     mean = float(values.mean())
     if len(values) < 2 or np.ptp(values) == 0:
         return mean, mean, mean
-    found = bootstrap(
-        (values,), np.mean, confidence_level=confidence, method="percentile", rng=0
-    ).confidence_interval
+    found = bootstrap((values,), np.mean, method="percentile", rng=0).confidence_interval
     return mean, float(found.low), float(found.high)
 
 
 def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
-    """One row an agent, best return first: mean and interval of every measure."""
+    """Return one row an agent, best return first: mean and interval of every measure."""
     rows = []
     for agent, group in runs.groupby("agent", sort=False):
         row: dict[str, Any] = {"agent": agent, "runs": len(group)}
@@ -148,20 +174,17 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def shift_table(runs: pd.DataFrame) -> pd.DataFrame:
-    """The summary of each shift of "ood" by itself, with a column "shift"; empty without any.
-
-    Each is another question, and a mean over all of them answers none.
-    """
+    """Return a summary of each shift of "ood", with a column "shift"; empty without any."""
     shifts = runs["instance"].map(shift)
-    parts = [summary_table(runs[shifts == each]).assign(shift=each)
-             for each in ODD if (shifts == each).any()]  # fmt: skip
+    present = [each for each in ODD if (shifts == each).any()]
+    parts = [summary_table(runs[shifts == each]).assign(shift=each) for each in present]
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
 def readable(summary: pd.DataFrame) -> pd.DataFrame:
-    """The summary as text: mean ± half the 95 % interval, under headings with units.
+    """Return a summary as text: mean ± half the 95 % interval, under headings with units.
 
-    summary: of `summary_table` or `shift_table`.
+    summary: as `summary_table` or `shift_table` returns it.
     """
     texts = [name for name in ("shift", "agent") if name in summary]
     table = summary[texts].copy()
@@ -181,13 +204,23 @@ def show(table: pd.DataFrame, title: str) -> None:
     print_table(title, list(table.columns), table.to_numpy().tolist(), n_text=n_text)
 
 
-def main(spec: Spec, args: Args) -> None:
-    """Evaluate one agent and print its row: what `python -m agents.NAME` does."""
+def show_summary(runs: pd.DataFrame, title: str) -> None:
+    """Print the summary of runs to the terminal, and each shift of "ood" by itself."""
+    show(readable(summary_table(runs)), title)
+    shifts = shift_table(runs)
+    if len(shifts):
+        show(readable(shifts), f"{title}, by what is out of distribution")
+
+
+def main(name: str, description: str | None) -> None:
+    """Evaluate an agent that follows a rule: what `python -m agents.NAME` does."""
+    play_agent(Spec(name), parse(EvaluationArgs, description))
+
+
+def play_agent(spec: Spec, args: EvaluationArgs) -> None:
+    """Evaluate one agent and print its row."""
     instances = instance_ids(args.scene, args.instances, args.n_instances)
     path = args.output / f"{spec.name}_{args.scene}_{args.instances}.csv"
     runs = evaluate([spec], args.scene, instances, path)
-    show(readable(summary_table(runs)), f"{spec.name} on {args.scene} ({args.instances})")
-    shifts = shift_table(runs)
-    if len(shifts):
-        show(readable(shifts), f"{spec.name} on {args.scene}, by what is out of distribution")
+    show_summary(runs, f"{spec.name} on {args.scene} ({args.instances})")
     print(f"every run: {path}")

@@ -20,7 +20,7 @@ from matplotlib.ticker import (
 from numpy.typing import NDArray
 
 from agents.evaluate import interval
-from agents.looks import Agent, Line, look
+from agents.styles import AgentStyle, Line, style_of
 from sph_gym.env.rewards import TERMS, Tolerances
 
 # Markers look equally large at these sizes; a circle stays visible below a square.
@@ -28,7 +28,7 @@ SIZES = {"o": 1.25, "s": 0.85, "P": 1.2, "*": 1.5, "p": 1.2}
 INK, MUTED, RULE = "#262c36", "#5f6670", "#d6d9dd"
 DPI = 150
 # Colour and hatch of the terms of the reward; none of them is the colour of an agent.
-TERM_LOOKS = {
+TERM_STYLES = {
     "work": ("#8fa3ad", ""),
     "density": ("#332288", ""),
     "clumping": ("#ddcc77", "...."),
@@ -74,7 +74,7 @@ def plot_returns(runs: pd.DataFrame, path: Path) -> None:
 
 
 def _return_row(ax: Axes, row: int, agent: str, runs: pd.DataFrame) -> None:
-    style, values = look(agent), runs["return"].to_numpy(float)
+    style, values = style_of(agent), runs["return"].to_numpy(float)
     heights = row + np.random.default_rng(0).uniform(-0.25, 0.25, len(values))
     blown = runs["blowup"].to_numpy() > 0
     ax.scatter(
@@ -118,7 +118,7 @@ def plot_cost_against_error(runs: pd.DataFrame, path: Path) -> None:
         _axes(ax, "both")
         for agent in order:
             own = runs[runs["agent"] == agent]
-            _cross(ax, own["work"], own[measure] / unit, look(agent), bool(own["blowup"].any()))
+            _cross(ax, own["work"], own[measure] / unit, style_of(agent), bool(own["blowup"].any()))
         ax.axhline(1.0, color=INK, lw=1.0, ls="--", zorder=1)
         ax.set_xlabel("work / work of the tuned CFL rule", color=INK)
         ax.set_title(title, loc="left", size=11, color=INK)
@@ -129,7 +129,7 @@ def plot_cost_against_error(runs: pd.DataFrame, path: Path) -> None:
     _save(figure, path)
 
 
-def _cross(ax: Axes, x: pd.Series, y: pd.Series, style: Agent, blown: bool) -> None:
+def _cross(ax: Axes, x: pd.Series, y: pd.Series, style: AgentStyle, blown: bool) -> None:
     """Mean and interval both ways, hollow if any of the runs blew up."""
     (x_mean, *x_ends), (y_mean, *y_ends) = interval(x.to_numpy()), interval(y.to_numpy())
     ax.plot(x_ends, [y_mean, y_mean], color=style.colour, lw=1.6, zorder=2)
@@ -168,7 +168,7 @@ def plot_reward_terms(runs: pd.DataFrame, path: Path) -> None:
     ax = _axes(figure.add_subplot(), "x")
     for row, agent in enumerate(order):
         ends = {True: 0.0, False: 0.0}
-        for term, (colour, hatch) in TERM_LOOKS.items():
+        for term, (colour, hatch) in TERM_STYLES.items():
             value = float(means.loc[agent, f"reward_{term}"])
             ax.barh(
                 row, value, 0.62, ends[value > 0], color=colour, hatch=hatch, ec="white", lw=0.6
@@ -186,7 +186,7 @@ def _term_legend(figure: Figure) -> None:
     names = {"blowup": "blow-up"}
     patches = [
         Patch(fc=colour, hatch=hatch, ec="white", label=names.get(term, term))
-        for term, (colour, hatch) in TERM_LOOKS.items()
+        for term, (colour, hatch) in TERM_STYLES.items()
     ]
     total = _handle("sum = return", "D", INK, mfc="white")
     _legend(figure, [*patches, total], 6)
@@ -207,13 +207,13 @@ def plot_controls(
     for (label, scale), ax in zip(PANELS.items(), axes, strict=True):
         _axes(ax, "both")
         for k, (agent, infos) in enumerate(episodes.items()):
-            _line(ax, k, look(agent), infos, _series(infos, nominal_stiffness)[label])
+            _line(ax, k, style_of(agent), infos, _series(infos, nominal_stiffness)[label])
         _panel(ax, label, scale)
     for ax in figure.axes[-2:]:
         ax.set_xlabel("time [s]", color=INK)
     handles = [
         _handle(s.label, s.marker, s.colour, ls=s.line, lw=s.width, mec="white")
-        for s in map(look, episodes)
+        for s in map(style_of, episodes)
     ]
     _legend(figure, handles, 4)
     _save(figure, path)
@@ -235,7 +235,7 @@ def _series(infos: Sequence[Mapping[str, Any]], nominal: float) -> dict[str, NDA
 
 
 def _line(
-    ax: Axes, k: int, style: Agent, infos: Sequence[Mapping[str, Any]], y: NDArray[Any]
+    ax: Axes, k: int, style: AgentStyle, infos: Sequence[Mapping[str, Any]], y: NDArray[Any]
 ) -> None:
     t = np.array([info["time"] for info in infos])
     gap = max(len(t) // 6, 1)
@@ -296,7 +296,7 @@ def _axes(ax: Axes, grid: Literal["both", "x"]) -> Axes:
 
 def _agent_rows(ax: Axes, order: Sequence[str]) -> None:
     """Names of agents at the y axis, the first on top."""
-    ax.set_yticks(range(len(order)), [_plain(look(agent).label) for agent in order], size=11)
+    ax.set_yticks(range(len(order)), [_plain(style_of(agent).label) for agent in order], size=11)
     ax.set_ylim(len(order) - 0.5, -0.5)
     ax.spines["left"].set_visible(False)
     ax.tick_params(axis="y", length=0)
@@ -307,7 +307,9 @@ def _plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def _mark(ax: Axes, x: float, y: float, style: Agent, size: float, hollow: bool = False) -> None:
+def _mark(
+    ax: Axes, x: float, y: float, style: AgentStyle, size: float, hollow: bool = False
+) -> None:
     edge, face, width = (style.colour, "white", 1.6) if hollow else ("white", style.colour, 0.8)
     scale = SIZES.get(style.marker, 1.0)
     ax.plot(
@@ -324,7 +326,7 @@ def _handle(
 
 
 def _agent_handle(agent: str, runs: pd.DataFrame) -> Line2D:
-    style, blown = look(agent), runs[runs["agent"] == agent]["blowup"] > 0
+    style, blown = style_of(agent), runs[runs["agent"] == agent]["blowup"] > 0
     if not blown.any():
         return _handle(style.label, style.marker, style.colour, 8.0)
     label = f"{style.label} ({blown.sum()} of {len(blown)} blew up)"

@@ -1,7 +1,6 @@
-"""Every agent by name, as something that can be sent to a worker process and built there."""
+"""Every agent by name, as plain data that a worker process can turn into a policy."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -9,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.controllers import ArticleCfl, Controller, Network, Static, TunedCfl, nominal
-from sph_gym.controllers.network import shipped_network
 from sph_gym.env.actions import Discrete
 from sph_gym.env.oracle import Oracle
 
@@ -32,51 +30,54 @@ class Spec(NamedTuple):
     network: str | None = None
 
 
-def trained_network(name: str, scene: str) -> Path:
-    """Where the exported network of a learned agent for a scene is shipped."""
-    return shipped_network(name, scene)
+# Agents that need nothing but the seed of the episode.
+RULES: dict[str, Callable[[int], Policy]] = {
+    "random": lambda seed: draw_at_random(seed),
+    "default": lambda seed: follow(nominal),
+    "cfl": lambda seed: follow(ArticleCfl()),
+    "tuned_cfl": lambda seed: follow(TunedCfl()),
+    "lookahead": lambda seed: Oracle(),
+}
 
 
 def build(spec: Spec, seed: int) -> Policy:
-    """The policy of a spec; the seed is for the one agent that throws dice.
+    """Return the policy of an agent; the seed is that of the episode.
 
-    Raises ValueError for unknown names and files that are no networks.
+    Raises ValueError for unknown names, missing settings, and files that are no networks.
     """
-    rules: dict[str, Controller] = {
-        "default": nominal,
-        "cfl": ArticleCfl(),
-        "tuned_cfl": TunedCfl(),
-    }
-    if spec.name in rules:
-        return _follow(rules[spec.name])
+    if spec.name in RULES:
+        return RULES[spec.name](seed)
     if spec.name == "grid_search" and spec.settings is not None:
-        return _follow(Static(*spec.settings))
-    if spec.name == "lookahead":
-        return Oracle()
+        return follow(Static(*spec.settings))
     if spec.name in LEARNED and spec.network is not None:
-        return _learned(Network.load(spec.network))
-    if spec.name == "random":
-        rng = np.random.default_rng(seed)
-        return lambda env, observation: rng.uniform(-1, 1, 3).astype(np.float32)
+        return play_network(Network.load(spec.network))
     raise ValueError(f"agent: expected one of {', '.join(NAMES)} with its settings, got {spec}")
 
 
-def _learned(network: Network) -> Policy:
-    if network.squash != "none":
-        return lambda env, observation: network(observation)
+def draw_at_random(seed: int) -> Policy:
+    """Return a policy that draws every action evenly from the whole box."""
+    rng = np.random.default_rng(seed)
+    return lambda env, observation: rng.uniform(-1, 1, 3).astype(np.float32)
+
+
+def follow(controller: Controller) -> Policy:
+    """Return the policy that comes as near as the action space allows to a controller."""
 
     def act(env: gym.Env[Any, Any], observation: NDArray[np.float32]) -> Any:
-        # the values of the discrete actions, in an environment of absolute ones
         tuning: Any = env.unwrapped
-        choice = int(network(observation).argmax())
-        return Discrete().act(choice, tuning.episode.coordinates).astype(np.float32)
+        return tuning.action_toward(controller(tuning.sim))
 
     return act
 
 
-def _follow(controller: Controller) -> Policy:
+def play_network(network: Network) -> Policy:
+    """Return the policy of an exported network, in an environment of absolute actions."""
+    if network.squash != "none":
+        return lambda env, observation: network(observation)
+
     def act(env: gym.Env[Any, Any], observation: NDArray[np.float32]) -> Any:
         tuning: Any = env.unwrapped
-        return tuning.action_toward(controller(tuning.sim))
+        choice = int(network(observation).argmax())
+        return Discrete().act(choice, tuning.episode.coordinates).astype(np.float32)
 
     return act

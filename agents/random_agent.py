@@ -1,9 +1,6 @@
-"""Throws dice: what any agent has to beat."""
+"""Draw every action at random: what any agent has to beat."""
 
-import tyro
-
-from agents.evaluate import Args, main
-from agents.policies import Spec
+from agents.evaluate import main
 
 if __name__ == "__main__":
-    main(Spec("random"), tyro.cli(Args, description=__doc__))
+    main("random", __doc__)

@@ -1,42 +1,41 @@
-"""Writes the episodes of an agent as a Minari dataset, for offline learning."""
+"""Write the episodes of an agent as a Minari dataset, for offline learning."""
 
 from dataclasses import dataclass
 
-import tyro
-
+from agents.arguments import option, parse
 from agents.evaluate import instance_ids
-from agents.policies import LEARNED, Spec, build, trained_network
+from agents.policies import LEARNED, Spec, build
+from sph_gym.controllers.network import shipped_network
 from sph_gym.env import env_id
 from sph_gym.env.dataset import record
 
 
 @dataclass
-class Args:
-    """Play an agent on numbered instances of a scene and write a Minari dataset."""
+class RecordingArgs:
+    """Arguments of a recording: the agent, and the instances that it plays."""
 
-    dataset: str
-    """name of the dataset: NAMESPACE/NAME-vNUMBER"""
-    scene: str = "dam_break"
-    """scene of the environment"""
-    agent: str = "tuned_cfl"
-    """random, default, cfl, tuned_cfl, grid_search (with its settings), ppo, sac or dqn"""
-    episodes: int = 8
-    """how many, each on an instance of its own"""
-    instances: str = "train"
-    """nominal, train, val, test or ood"""
-    settings: tuple[float, float, float] | None = None
-    """of grid_search: Courant multiple, sound speed / c0, xsph"""
-    network: str | None = None
-    """of ppo, sac and dqn: file of the exported network, by default the one that is shipped"""
-    seed: int = 0
-    """of the first episode; the next ones count on"""
+    dataset: str = option("name of the dataset: NAMESPACE/NAME-vNUMBER")
+    scene: str = option("scene of the environment", "dam_break")
+    agent: str = option(
+        "random, default, cfl, tuned_cfl, grid_search (with its settings), ppo, sac or dqn",
+        "tuned_cfl",
+    )
+    episodes: int = option("how many, each on an instance of its own", 8)
+    instances: str = option("nominal, train, val, test or ood", "train")
+    settings: tuple[float, float, float] | None = option(
+        "of grid_search: Courant multiple, sound speed / c0, xsph", None
+    )
+    network: str | None = option(
+        "of ppo, sac and dqn: file of the exported network; None: the one that is shipped", None
+    )
+    seed: int = option("of the first episode; the next ones count on", 0)
 
 
-def main(args: Args) -> None:
-    """Record what the arguments ask for, and tell where it is."""
+def main(args: RecordingArgs) -> None:
+    """Record what the arguments ask for, and print where it is."""
     network = args.network
     if network is None and args.agent in LEARNED:
-        network = str(trained_network(args.agent, args.scene))
+        network = str(shipped_network(args.agent, args.scene))
     dataset = record(
         env_id(args.scene),
         build(Spec(args.agent, args.settings, network), args.seed),
@@ -54,4 +53,4 @@ def main(args: Args) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Args, description=__doc__))
+    main(parse(RecordingArgs, __doc__))

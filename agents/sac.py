@@ -1,9 +1,31 @@
 """Soft actor-critic: `python -m agents.sac --scene dam_break --steps 60000`."""
 
-import tyro
+from typing import Any
+
 from stable_baselines3 import SAC
 
-from agents.training import Args, train
+from agents.arguments import parse
+from agents.training import Training, TrainingArgs, plain_network
+from sph_gym.controllers import Network
+
+
+def export(model: SAC) -> Network:
+    """Return the mean of the policy as a plain network; tanh brings actions into the box."""
+    actor: Any = model.actor
+    return plain_network([*actor.latent_pi, actor.mu], squash="tanh")
+
+
+def train(args: TrainingArgs) -> None:
+    """Train on the training instances; keep the model that is best on the validation instances."""
+    training = Training("sac", args, export)
+    envs = training.make_envs()
+    if args.resume:
+        model = SAC.load(training.checkpoint(), env=envs, device="cpu")
+    else:
+        model = SAC("MlpPolicy", envs, **training.settings())
+    training.learn(model)
+    envs.close()
+
 
 if __name__ == "__main__":
-    train(SAC, "sac", tyro.cli(Args, description=__doc__))
+    train(parse(TrainingArgs, __doc__))

@@ -1,10 +1,11 @@
-"""What PPO, SAC and DQN share: environments on threads, callbacks, interruption, export."""
+"""What PPO, SAC and DQN share: environments, checkpoints, evaluation, interruption, export."""
 
 import shutil
 import sys
 import warnings
 import zipfile
 import zlib
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,6 @@ import gymnasium as gym
 import numpy as np
 import torch
 import yaml
-from stable_baselines3 import DQN, PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import (
     BaseCallback,
@@ -23,42 +23,139 @@ from stable_baselines3.common.callbacks import (
 )
 from stable_baselines3.common.monitor import Monitor
 
-from agents.policies import trained_network
+from agents.arguments import option
 from sph_gym.controllers import Network
+from sph_gym.controllers.network import shipped_network
 from sph_gym.env import env_id
 from sph_gym.env.stable_baselines import TuningVecEnv
 
-HYPERPARAMS = Path(__file__).parent / "hyperparams"
+FOLDER = Path(__file__).parent
 # Largest change of an action that the exported network may show against the original.
 EXPORT_TOLERANCE = 1e-5
-# Algorithms that choose between actions.
-CHOOSING = ("dqn",)
 
 
 @dataclass
-class Args:
-    """Train on the training instances, keep the best model on the validation instances."""
+class TrainingArgs:
+    """Arguments of a training, the same for every algorithm; hyperparams/*.yml has the others."""
 
-    scene: str = "dam_break"
-    """scene of the environment"""
-    steps: int = 300_000
-    """environment steps"""
-    n_envs: int = 2
-    """environments, side by side on threads"""
-    seed: int = 0
-    """seed of everything"""
-    output: Path = Path("runs")
-    """folder for checkpoints, TensorBoard logs and models"""
-    evaluate_every: int = 10_000
-    """steps between two evaluations"""
-    n_evaluations: int = 8
-    """validation episodes of an evaluation"""
-    resume: bool = False
-    """go on from the newest checkpoint; needs --trust-checkpoints"""
-    trust_checkpoints: bool = False
-    """checkpoints are pickles: loading one runs whatever code is in it; say that they are yours"""
-    ship: bool = False
-    """also write the best model to agents/trained"""
+    scene: str = option("scene of the environment", "dam_break")
+    steps: int = option("environment steps", 300_000)
+    n_envs: int = option("environments, side by side on threads", 2)
+    seed: int = option("seed of everything", 0)
+    output: Path = option("folder for checkpoints, TensorBoard logs and models", Path("runs"))
+    evaluate_every: int = option("steps between two evaluations", 10_000)
+    n_evaluations: int = option("validation episodes of an evaluation", 8)
+    resume: bool = option("go on from the newest checkpoint; needs --trust-checkpoints", False)
+    trust_checkpoints: bool = option(
+        "checkpoints are pickles: loading one runs whatever code is in it; say that they are yours",
+        False,
+    )
+    ship: bool = option("also put the best network into the package, for everybody to use", False)
+
+
+@dataclass(frozen=True)
+class Training:
+    """One training of an algorithm.
+
+    algorithm: name of its YAML file and of its folder; export: makes a plain network of a model;
+    action_mode: the kind of actions that it can learn.
+    """
+
+    algorithm: str
+    args: TrainingArgs
+    export: Callable[[Any], Network]
+    action_mode: str = "absolute"
+
+    @property
+    def folder(self) -> Path:
+        """Where the training keeps its files."""
+        return self.args.output / f"{self.algorithm}_{self.args.scene}"
+
+    def make_envs(self) -> TuningVecEnv:
+        """Return the training environments, side by side on threads."""
+        # the networks are small, and the threads of the environments want the cores
+        torch.set_num_threads(1)
+        args = self.args
+        envs = TuningVecEnv(
+            args.n_envs, scene=args.scene, instances="train", action_mode=self.action_mode
+        )
+        envs.seed(args.seed)
+        return envs
+
+    def settings(self) -> dict[str, Any]:
+        """Return the arguments of a new model; its learning rate falls linearly to zero."""
+        found = hyperparameters(self.algorithm, self.args.scene)
+        return found | {
+            "learning_rate": linear(found["learning_rate"]),
+            "tensorboard_log": str(self.folder / "tensorboard"),
+            "seed": self.args.seed,
+            "device": "cpu",
+        }
+
+    def checkpoint(self) -> Path:
+        """Return the newest complete checkpoint, which is a pickle.
+
+        Raises FileNotFoundError if there is none, ValueError unless it is to be trusted.
+        """
+        path = newest_checkpoint(self.folder)
+        if not self.args.trust_checkpoints:
+            raise ValueError(
+                f"trust_checkpoints: expected True to load {path}: Stable-Baselines3 files are "
+                "pickles, and loading one runs whatever code is in it, got False; exported "
+                "networks (.npz) hold numbers only"
+            )
+        return path
+
+    def learn(self, model: BaseAlgorithm) -> None:
+        """Train, and export the best model; Ctrl-C ends the training and still exports."""
+        network, best = self.folder / "network.npz", self.folder / "best_model.zip"
+        if not self.args.resume:
+            # the best model of a former run is not that of this one
+            network.unlink(missing_ok=True)
+            best.unlink(missing_ok=True)
+        try:
+            model.learn(
+                max(self.args.steps - model.num_timesteps, 0),
+                callback=self._callbacks(),
+                tb_log_name="train",
+                reset_num_timesteps=not self.args.resume,
+                progress_bar=True,
+            )
+        except KeyboardInterrupt:
+            print("interrupted: what has been learned so far is kept")
+        model.save(self.folder / "last_model")
+        # without an evaluation there is no best model
+        if not network.exists():
+            checked_export(model, self.export).save(network)
+        print(f"policy: {network}")
+        if self.args.ship:
+            self._ship(network, best if best.exists() else self.folder / "last_model.zip")
+
+    def _ship(self, network: Path, model: Path) -> None:
+        """Copy the network into the package, and the model that it was made of beside this file."""
+        target = shipped_network(self.algorithm, self.args.scene)
+        shutil.copyfile(network, target)
+        shutil.copyfile(model, FOLDER / "trained" / f"{target.stem}.zip")
+        print(f"shipped: {target}")
+
+    def _callbacks(self) -> BaseCallback:
+        """Return checkpoints, and evaluations on the validation instances that keep the best."""
+        args, count = self.args, self.args.n_evaluations
+        every = max(args.evaluate_every // args.n_envs, 1)
+        env = gym.make(env_id(args.scene), instances="val", action_mode=self.action_mode)
+        evaluation = EvalCallback(
+            Monitor(ValidationEnv(env, args.scene, count)),
+            n_eval_episodes=count,
+            eval_freq=every,
+            best_model_save_path=str(self.folder),
+            callback_on_new_best=_Exporter(self.export, self.folder / "network.npz"),
+            log_path=str(self.folder),
+            verbose=1,
+        )
+        if args.resume:
+            recall(evaluation, self.folder / "evaluations.npz")
+        folder = str(self.folder / "checkpoints")
+        return CallbackList([CheckpointCallback(every, folder, self.algorithm), evaluation])
 
 
 class ValidationEnv(gym.Wrapper[Any, Any, Any, Any]):
@@ -70,102 +167,60 @@ class ValidationEnv(gym.Wrapper[Any, Any, Any, Any]):
         self._next = 0
 
     def reset(self, **arguments: Any) -> Any:
-        """The next validation instance."""
+        """Begin the next validation instance."""
         arguments["options"] = {"instance": self._ids[self._next % len(self._ids)]}
         self._next += 1
         return self.env.reset(**arguments)
 
 
+class _Exporter(BaseCallback):
+    """Writes the network of the model that has just turned out best."""
+
+    def __init__(self, export: Callable[[Any], Network], path: Path) -> None:
+        super().__init__()
+        self._export, self._path = export, path
+
+    def _on_step(self) -> bool:
+        checked_export(self.model, self._export).save(self._path)
+        return True
+
+
 def hyperparameters(algorithm: str, scene: str) -> dict[str, Any]:
-    """The YAML entry of an environment id, or the default one."""
-    table = yaml.safe_load((HYPERPARAMS / f"{algorithm}.yml").read_text())
+    """Return the YAML entry of an environment id, or the default one."""
+    table = yaml.safe_load((FOLDER / "hyperparams" / f"{algorithm}.yml").read_text())
     return dict(table.get(env_id(scene), table["default"]))
 
 
-def linear(start: float) -> Any:
-    """A learning rate that falls to zero with the remaining progress."""
+def linear(start: float) -> Callable[[float], float]:
+    """Return a learning rate that falls to zero with the remaining progress."""
     return lambda remaining: start * remaining
 
 
-def action_mode(algorithm: str) -> str:
-    """The kind of actions that an algorithm can learn."""
-    return "discrete" if algorithm in CHOOSING else "absolute"
-
-
-def make_envs(algorithm: str, args: Args) -> TuningVecEnv:
-    """Training environments, side by side on threads."""
-    envs = TuningVecEnv(
-        args.n_envs, scene=args.scene, instances="train", action_mode=action_mode(algorithm)
-    )
-    envs.seed(args.seed)
-    return envs
-
-
-def folder(algorithm: str, args: Args) -> Path:
-    """Where a training run keeps its files."""
-    return args.output / f"{algorithm}_{args.scene}"
-
-
-def newest_checkpoint(path: Path) -> Path:
-    """The checkpoint to go on from: the newest that is whole.
+def newest_checkpoint(folder: Path) -> Path:
+    """Return the newest checkpoint that was written to its end.
 
     Raises FileNotFoundError if there is none.
     """
-    found = sorted((path / "checkpoints").glob("*.zip"), key=lambda file: file.stat().st_mtime)
+    found = sorted((folder / "checkpoints").glob("*.zip"), key=lambda file: file.stat().st_mtime)
     for file in reversed(found):
-        if _is_whole(file):
+        if _is_complete(file):
             return file
         print(f"damaged, and left out: {file}", file=sys.stderr)
-    raise FileNotFoundError(f"nothing to resume: no checkpoints in {path / 'checkpoints'}")
+    raise FileNotFoundError(f"nothing to resume: no checkpoints in {folder / 'checkpoints'}")
 
 
-def _is_whole(path: Path) -> bool:
-    """Whether a model's file was written to its end; nothing in it is unpickled."""
+def _is_complete(path: Path) -> bool:
+    """Return whether the file of a model was written to its end; nothing in it is unpickled."""
     try:
         with zipfile.ZipFile(path) as archive:
-            # torn within one of the archives that it holds, it ends like a whole one
+            # torn within one of the archives that it holds, it ends like a complete one
             return "data" in archive.namelist() and archive.testzip() is None
     except (OSError, zipfile.BadZipFile, zlib.error):
         return False
 
 
-def load(kind: type[BaseAlgorithm], path: Path, envs: TuningVecEnv, trusted: bool) -> BaseAlgorithm:
-    """A Stable-Baselines3 model, which is a pickle.
-
-    Raises ValueError unless the user has said that it is to be trusted.
-    """
-    if not trusted:
-        raise ValueError(
-            f"trust_checkpoints: expected True to load {path}: Stable-Baselines3 files are "
-            "pickles, and loading one runs whatever code is in it, got False; exported networks "
-            "(.npz) hold numbers only"
-        )
-    return kind.load(path, env=envs, device="cpu")
-
-
-def callbacks(algorithm: str, args: Args) -> BaseCallback:
-    """Checkpoints, and evaluation on the validation instances with the best model kept."""
-    path = folder(algorithm, args)
-    every = max(args.evaluate_every // args.n_envs, 1)
-    one = gym.make(env_id(args.scene), instances="val", action_mode=action_mode(algorithm))
-    validation = Monitor(ValidationEnv(one, args.scene, args.n_evaluations))
-    evaluation = EvalCallback(
-        validation,
-        n_eval_episodes=args.n_evaluations,
-        eval_freq=every,
-        best_model_save_path=str(path),
-        callback_on_new_best=_Exporter(path / "network.npz"),
-        log_path=str(path),
-        verbose=1,
-    )
-    if args.resume:
-        recall(evaluation, path / "evaluations.npz")
-    checkpoints = CheckpointCallback(every, str(path / "checkpoints"), name_prefix=algorithm)
-    return CallbackList([checkpoints, evaluation])
-
-
 def recall(evaluation: EvalCallback, log: Path) -> None:
-    """Take up the evaluations of the run that goes on: its best model is the one to beat."""
+    """Take over the evaluations of the run that goes on: its best model is the one to beat."""
     try:
         with log.open("rb") as file, np.load(file, allow_pickle=False) as found:
             steps, results, lengths = (found[n] for n in ("timesteps", "results", "ep_lengths"))
@@ -181,101 +236,22 @@ def recall(evaluation: EvalCallback, log: Path) -> None:
         evaluation.evaluations_length = lengths.tolist()
 
 
-def train(kind: type[BaseAlgorithm], algorithm: str, args: Args) -> None:
-    """Train a stable-baselines3 algorithm, with everything it leaves behind in its folder.
-
-    kind: PPO, SAC or DQN; algorithm: the name of its YAML file and of its folder.
-    """
-    # the networks are small, and the threads of the environments want the cores
-    torch.set_num_threads(1)
-    path, envs = folder(algorithm, args), make_envs(algorithm, args)
-    if args.resume:
-        model = load(kind, newest_checkpoint(path), envs, args.trust_checkpoints)
-    else:
-        # a former run's is not this one's best
-        for old in (path / "network.npz", path / "best_model.zip"):
-            old.unlink(missing_ok=True)
-        settings = hyperparameters(algorithm, args.scene)
-        settings["learning_rate"] = linear(settings["learning_rate"])
-        logs = str(path / "tensorboard")
-        make: Any = kind
-        model = make(
-            "MlpPolicy", envs, tensorboard_log=logs, seed=args.seed, device="cpu", **settings
-        )
-    learn(model, algorithm, args)
-    envs.close()
-
-
-def learn(model: BaseAlgorithm, algorithm: str, args: Args) -> None:
-    """Train, export the best model; Ctrl-C ends the training and still exports."""
-    path = folder(algorithm, args)
-    left = args.steps - model.num_timesteps
-    try:
-        model.learn(
-            max(left, 0),
-            callback=callbacks(algorithm, args),
-            tb_log_name="train",
-            reset_num_timesteps=not args.resume,
-            progress_bar=True,
-        )
-    except KeyboardInterrupt:
-        print("interrupted: what has been learned so far is kept")
-    model.save(path / "last_model")
-    # the best one is there if there was an evaluation; its .zip is not loaded for it
-    network, best = path / "network.npz", path / "best_model.zip"
-    if not network.exists():
-        export(model).save(network)
-    print(f"policy: {network}")
-    if args.ship:
-        target = trained_network(algorithm, args.scene)
-        shutil.copyfile(network, target)
-        archive = best if best.exists() else path / "last_model.zip"
-        shutil.copyfile(archive, target.with_suffix(".zip"))
-        print(f"shipped: {target}")
-
-
-class _Exporter(BaseCallback):
-    """Writes the network of the model that has just turned out best."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self._path = path
-
-    def _on_step(self) -> bool:
-        export(self.model).save(self._path)
-        return True
-
-
-def export(model: BaseAlgorithm) -> Network:
-    """The deterministic policy of a model as a plain network, checked against it.
-
-    Of DQN that is the network of the values; whoever uses it chooses the largest.
-    """
-    if isinstance(model, PPO):
-        policy: Any = model.policy
-        layers = [*policy.mlp_extractor.policy_net, policy.action_net]
-        squash = "clip"
-    elif isinstance(model, SAC):
-        actor: Any = model.actor
-        layers = [*actor.latent_pi, actor.mu]
-        squash = "tanh"
-    elif isinstance(model, DQN):
-        layers, squash = [*model.q_net.q_net], "none"
-    else:
-        raise ValueError(f"model: expected PPO, SAC or DQN, got {type(model).__name__}")
+def plain_network(layers: Iterable[torch.nn.Module], squash: str) -> Network:
+    """Return the layers of a perceptron with tanh or ReLU units as a plain network."""
+    layers = list(layers)
     linears = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
     smooth = any(isinstance(layer, torch.nn.Tanh) for layer in layers)
-    network = Network(
+    return Network(
         tuple(layer.weight.detach().numpy().copy() for layer in linears),
         tuple(layer.bias.detach().numpy().copy() for layer in linears),
         "tanh" if smooth else "relu",
         squash,
     )
-    _check_export(model, network)
-    return network
 
 
-def _check_export(model: BaseAlgorithm, network: Network) -> None:
+def checked_export(model: BaseAlgorithm, export: Callable[[Any], Network]) -> Network:
+    """Return the exported network of a model; RuntimeError if it acts in another way."""
+    network = export(model)
     model.observation_space.seed(0)
     for _ in range(20):
         observation = model.observation_space.sample()
@@ -286,3 +262,4 @@ def _check_export(model: BaseAlgorithm, network: Network) -> None:
         difference = abs(wanted - found).max()
         if difference > EXPORT_TOLERANCE:
             raise RuntimeError(f"the exported network is off by {difference:g}")
+    return network

@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 
 from agents import compare, evaluate, grid_search, report
-from agents.policies import NAMES, Spec, build, trained_network
+from agents.policies import NAMES, Spec, build
 from sph_gym.controllers import Network
-from sph_gym.controllers.network import SHIPPED
+from sph_gym.controllers.network import SHIPPED, shipped_network
 from sph_gym.env import env_id
 from sph_gym.env.instances import ODD
 
@@ -18,7 +18,7 @@ RULES = ("random", "default", "cfl", "tuned_cfl")
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("compare")
-    arguments = compare.Args(
+    arguments = compare.ComparisonArgs(
         agents=("random", "tuned_cfl", "grid_search", "ppo"),
         n_instances=2,
         n_search=1,
@@ -31,10 +31,8 @@ def folder(tmp_path_factory):
 
 def test_the_folder_holds_all_that_is_promised(folder):
     names = {file.name for file in folder.iterdir()}
-    assert {
-        "report.html", "table.csv", "table.md", "runs.csv", "returns.png", "controls.png",
-        "cost_against_error.png", "reward_terms.png", "side_by_side.mp4", "side_by_side.png",
-    } <= names  # fmt: skip
+    tables = {"table.csv", "table.md", "runs.csv", "grid_search_dam_break.csv"}
+    assert {"report.html", report.ANIMATION, "side_by_side.png", *report.PLOTS, *tables} <= names
 
 
 def test_every_agent_met_the_same_instances_and_seeds(folder):
@@ -72,7 +70,7 @@ def test_dice_are_thrown_by_their_seed():
 
 def test_every_shipped_network_loads_and_fits():
     shipped = sorted(SHIPPED.glob("*.npz"))
-    assert trained_network("ppo", "dam_break") in shipped
+    assert shipped_network("ppo", "dam_break") in shipped
     for path in shipped:
         action = Network.load(path)(np.zeros(20, np.float32))
         assert action.shape == (3,)
@@ -86,7 +84,7 @@ def test_incomplete_specs_are_refused(spec):
 
 def test_unknown_agents_and_instances_are_refused(tmp_path):
     with pytest.raises(ValueError, match="'nobody'"):
-        compare.specs(compare.Args(agents=("nobody",), output=tmp_path))
+        compare.specs(compare.ComparisonArgs(agents=("nobody",), output=tmp_path))
     with pytest.raises(ValueError, match="expected 1 to 32"):
         evaluate.instance_ids("dam_break", "test", 33)
     with pytest.raises(ValueError, match="exam"):
@@ -107,29 +105,43 @@ def test_intervals_hold_the_mean():
 
 
 def test_a_network_that_was_trained_anew_is_another_agent(tmp_path, monkeypatch):
-    def keys(function, jobs, keys, path, title):
-        return [key["settings"] for key in keys]
+    asked = []
 
-    monkeypatch.setattr(evaluate, "run_jobs", keys)
+    def run_jobs(function, jobs, keys, results, title):
+        asked.extend(keys)
+        return [{} for _ in jobs]
+
+    monkeypatch.setattr(evaluate, "run_jobs", run_jobs)
     network = tmp_path / "network.npz"
 
-    def settings(content, path=network):
+    def key(content, path=network):
         path.write_bytes(content)
-        (found,) = evaluate.evaluate(
-            [Spec("ppo", network=str(path))], "dam_break", ["dam_break/test/0"], tmp_path / "x.csv"
-        )
-        return found
+        spec = Spec("ppo", network=str(path))
+        runs = evaluate.evaluate([spec], "dam_break", ["dam_break/test/0"], tmp_path / "x.csv")
+        assert runs["settings"][0].startswith("network.npz ")
+        return asked.pop()
 
-    first = settings(b"once")
-    assert first.startswith("network.npz sha256:")
-    assert settings(b"again") != first
+    first = key(b"once")
+    assert key(b"again") != first
     (tmp_path / "elsewhere").mkdir()
-    assert settings(b"once", tmp_path / "elsewhere" / "network.npz") == first
+    assert key(b"once", tmp_path / "elsewhere" / "network.npz") == first
+    # another way to play or to sum up makes other episodes of all
+    monkeypatch.setattr(evaluate, "SOURCES", (network,))
+    assert key(b"once") != first
+
+
+def test_networks_come_in_pairs_of_agent_and_file(tmp_path):
+    network = shipped_network("ppo", "dam_break")
+    given = compare.ComparisonArgs(agents=("sac",), networks=("sac", str(network)))
+    assert compare.specs(given) == [Spec("sac", network=str(network))]
+    for networks in (("sac",), ("nobody", str(network))):
+        with pytest.raises(ValueError, match="expected"):
+            compare.specs(compare.ComparisonArgs(agents=("sac",), networks=networks))
 
 
 def test_shifts_are_told_apart(tmp_path, capsys):
-    arguments = evaluate.Args("relaxation", "ood", 5, tmp_path)
-    evaluate.main(Spec("default"), arguments)
+    arguments = evaluate.EvaluationArgs("relaxation", "ood", 5, tmp_path)
+    evaluate.play_agent(Spec("default"), arguments)
     assert "by what is out of distribution" in capsys.readouterr().out
     runs = pd.read_csv(tmp_path / "default_relaxation_ood.csv")
     found = evaluate.shift_table(runs)
@@ -145,6 +157,6 @@ def test_shifts_are_told_apart(tmp_path, capsys):
 
 
 def test_the_report_says_that_shifts_are_mixed():
-    (note,) = compare._notes(compare.Args(instances="ood"), [Spec("random")])
+    (note,) = compare._notes(compare.ComparisonArgs(instances="ood"), [Spec("random")])
     assert "table_by_shift.md" in note
-    assert compare._notes(compare.Args(), [Spec("random")]) == []
+    assert compare._notes(compare.ComparisonArgs(), [Spec("random")]) == []

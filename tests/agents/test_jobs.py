@@ -1,10 +1,7 @@
-from pathlib import Path
-
-import pandas as pd
 import pytest
 
-import sph_gym
-from agents import evaluate, jobs, policies
+from agents import jobs
+from sph_gym.studies.results import Results
 
 
 def square(x, folder):
@@ -12,86 +9,52 @@ def square(x, folder):
     (folder / f"ran_{x}").touch()
     if x == 13:
         raise RuntimeError("unlucky")
+    if x == 14:
+        raise KeyboardInterrupt
     return {"square": x * x, "third": x / 3}
 
 
-def run(numbers, folder, path):
-    keys = [{"x": x} for x in numbers]
-    return jobs.run_jobs(square, [(x, folder) for x in numbers], keys, path, "test", workers=1)
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Runs the jobs one by one; returns their results, and the jobs that were not kept."""
+    monkeypatch.setattr(jobs, "most_threads", lambda: 1)
+
+    def run(*numbers):
+        for file in tmp_path.glob("ran_*"):
+            file.unlink()
+        results = Results(tmp_path / "kept")
+        found = jobs.run_jobs(square, [(x, tmp_path) for x in numbers], numbers, results, "test")
+        return found, sorted(int(file.name[4:]) for file in tmp_path.glob("ran_*"))
+
+    return run
 
 
-def ran(folder):
-    return sorted(int(file.name[4:]) for file in folder.glob("ran_*"))
+def test_results_come_in_the_order_of_the_jobs_and_finished_ones_are_kept(run):
+    first, ran = run(3, 1, 2)
+    assert [row["square"] for row in first] == [9, 1, 4]
+    assert ran == [1, 2, 3]
+    again, ran = run(3, 1, 2, 4)
+    assert [row["third"] for row in again] == [1.0, 1 / 3, 2 / 3, 4 / 3]
+    assert ran == [4]
 
 
-def clear(folder):
-    for file in folder.glob("ran_*"):
-        file.unlink()
-
-
-def test_rows_come_in_the_order_of_the_jobs_and_finished_ones_are_kept(tmp_path):
-    path = tmp_path / "deep" / "rows.csv"
-    first = run([3, 1, 2], tmp_path, path)
-    assert list(first["square"]) == [9, 1, 4]
-    clear(tmp_path)
-    again = run([3, 1, 2, 4], tmp_path, path)
-    assert ran(tmp_path) == [4]
-    assert list(again["third"]) == [1.0, 1 / 3, 2 / 3, 4 / 3]
-    assert len(pd.read_csv(path)) == 4
-
-
-def test_a_failure_keeps_what_is_done(tmp_path):
-    path = tmp_path / "rows.csv"
+def test_a_failure_keeps_what_is_done(run):
     with pytest.raises(RuntimeError, match="unlucky"):
-        run([1, 13], tmp_path, path)
-    clear(tmp_path)
-    run([1, 2], tmp_path, path)
-    assert ran(tmp_path) == [2]
+        run(1, 13)
+    assert run(1, 2)[1] == [2]
 
 
-def test_a_torn_line_and_rows_of_other_code_are_run_again(tmp_path, monkeypatch):
-    path = tmp_path / "rows.csv"
-    run([1, 2], tmp_path, path)
+def test_an_interruption_keeps_what_is_done_and_exits(run, capsys):
+    with pytest.raises(SystemExit) as exit_:
+        run(1, 14)
+    assert exit_.value.code == jobs.INTERRUPTED
+    assert "what is done is kept in" in capsys.readouterr().err
+    assert run(1, 2)[1] == [2]
+
+
+def test_a_torn_result_is_computed_again(run, tmp_path):
+    run(1, 2)
+    path = Results(tmp_path / "kept").path(2)
     path.write_text(path.read_text()[:-8])
-    clear(tmp_path)
-    run([1, 2], tmp_path, path)
-    assert ran(tmp_path) == [2]
-    clear(tmp_path)
-    monkeypatch.setattr(jobs, "code_version", lambda: "other")
-    run([1, 2], tmp_path, path)
-    assert ran(tmp_path) == [1, 2]
-
-
-@pytest.mark.parametrize("content", ["", "\x00\x01", "a,b\n1,2\n"])
-def test_a_foreign_file_is_replaced(tmp_path, content):
-    path = tmp_path / "rows.csv"
-    path.write_text(content)
-    assert list(run([2], tmp_path, path)["square"]) == [4]
-
-
-def test_rows_depend_on_the_package_its_manifests_and_the_agents():
-    package = Path(sph_gym.__file__).parent
-    needed = [
-        package / "env" / "rewards.py",
-        package / "env" / "manifests" / "dam_break.json",
-        package / "env" / "manifests" / "dam_break.npz",
-        Path(policies.__file__),
-        Path(evaluate.__file__),
-    ]
-    assert set(needed) <= set(jobs.sources())
-
-
-def test_a_change_of_any_source_runs_all_again(tmp_path, monkeypatch):
-    path, source = tmp_path / "rows.csv", tmp_path / "dam_break.json"
-    source.write_text("as it was")
-    monkeypatch.setattr(jobs, "sources", lambda: [source])
-    try:
-        jobs.code_version.cache_clear()
-        run([1], tmp_path, path)
-        clear(tmp_path)
-        source.write_text("as it is")
-        jobs.code_version.cache_clear()
-        run([1], tmp_path, path)
-    finally:
-        jobs.code_version.cache_clear()
-    assert ran(tmp_path) == [1]
+    with pytest.warns(UserWarning, match="can't be read"):
+        assert run(1, 2)[1] == [2]

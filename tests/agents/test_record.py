@@ -1,8 +1,8 @@
 import pytest
-import tyro
 
-from agents import evaluate, record
-from agents.record import Args, main
+from agents.arguments import parse
+from agents.evaluate import EvaluationArgs
+from agents.record import RecordingArgs, main
 from sph_gym.env.instances import SIZES
 
 minari = pytest.importorskip("minari")
@@ -10,16 +10,16 @@ minari = pytest.importorskip("minari")
 
 def test_an_agent_leaves_a_dataset(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    main(Args("relaxation/tuned-v0", scene="relaxation", episodes=1, instances="nominal"))
+    main(RecordingArgs("relaxation/tuned-v0", scene="relaxation", episodes=1, instances="nominal"))
     assert capsys.readouterr().out.startswith("1 episodes")
     dataset = minari.load_dataset("relaxation/tuned-v0")
     assert dataset.storage.metadata["algorithm_name"] == "tuned_cfl"
     assert dataset[0].infos["instance_id"][0] == b"relaxation/nominal/0"
 
 
-@pytest.mark.parametrize("kind", [record.Args, evaluate.Args])
+@pytest.mark.parametrize("kind", [RecordingArgs, EvaluationArgs])
 def test_the_help_names_all_sets_of_instances(kind, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "200")
     with pytest.raises(SystemExit):
-        tyro.cli(kind, args=["--help"])
+        parse(kind, "", ["--help"])
     assert f"{', '.join(list(SIZES)[:-1])} or {list(SIZES)[-1]}" in capsys.readouterr().out

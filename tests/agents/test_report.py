@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from agents import looks, plots, report
+from agents import plots, report, styles
 from agents.evaluate import summary_table
 from agents.policies import NAMES
 from sph_gym.env.rewards import TERMS
@@ -103,11 +103,11 @@ def page(folder):
     return (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_every_agent_has_a_look_of_its_own():
-    assert tuple(looks.AGENTS) == NAMES
+def test_every_agent_has_a_style_of_its_own():
+    assert tuple(styles.STYLES) == tuple(styles.SENTENCES) == NAMES
     for field in ("label", "colour", "marker"):
-        assert len({getattr(agent, field) for agent in looks.AGENTS.values()}) == len(NAMES)
-    assert looks.look("mine").label == "mine"
+        assert len({getattr(agent, field) for agent in styles.STYLES.values()}) == len(NAMES)
+    assert styles.style_of("mine").label == "mine"
 
 
 @pytest.mark.parametrize("name", report.PLOTS)
@@ -169,17 +169,6 @@ def test_blow_ups_are_flagged_and_never_cheapest(page):
     assert sum(row.count("<b>") for row in rows.values()) >= 6
 
 
-@pytest.mark.parametrize("ending", ["gif", None])
-def test_animation_may_be_a_gif_or_missing(folder, tmp_path, ending):
-    for name in report.PLOTS:
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
-    if ending:
-        (tmp_path / "side_by_side.gif").write_bytes(b"GIF89a")
-    text = report.write_report(tmp_path, context(made_up_runs())).read_text(encoding="utf-8")
-    assert ("data:image/gif;base64," in text) == (ending == "gif")
-    assert "<video" not in text
-
-
 def test_a_single_run_of_one_agent_is_enough(tmp_path):
     runs = made_up_runs()[-1:]
     for name, plot in PLOTS.items():
@@ -208,7 +197,3 @@ def test_what_is_missing_is_refused(tmp_path):
     del incomplete["cpu"]
     with pytest.raises(KeyError, match="cpu"):
         report.write_report(tmp_path, incomplete)
-
-
-def test_cpu_has_a_name():
-    assert report.cpu_name()

@@ -1,0 +1,55 @@
+"""Command lines from typed arguments: the dataclass on top of a program becomes its parser."""
+
+import argparse
+from dataclasses import MISSING, field, fields
+from types import UnionType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+Arguments = TypeVar("Arguments")
+
+
+def option(text: str, default: Any = MISSING) -> Any:
+    """Return a field of a dataclass of arguments; `text` is what --help says of it."""
+    return field(default=default, metadata={"help": text})
+
+
+def parse(
+    kind: type[Arguments], description: str | None, words: list[str] | None = None
+) -> Arguments:
+    """Return the arguments of the command line as a `kind`: field n_envs is option --n-envs.
+
+    kind: a dataclass whose fields are `option`s of type T, bool, tuple[T, ...], tuple[T, T, T]
+    or T | None, where T reads one word; words: by default those of this process.
+    Exits with a message for unknown options and wrong values.
+    """
+    parser = argparse.ArgumentParser(
+        description=description,
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        allow_abbrev=False,
+    )
+    hints = get_type_hints(kind)
+    for part in fields(kind):  # type: ignore[arg-type]
+        name, default = part.name.replace("_", "-"), part.default
+        # what isn't shown comes from the dataclass
+        shown = argparse.SUPPRESS if default in (MISSING, None, ()) else default
+        parser.add_argument(
+            f"--{name}",
+            required=default is MISSING,
+            default=shown,
+            help=part.metadata["help"],
+            **_reading(hints[part.name]),
+        )
+    given = vars(parser.parse_args(words))
+    return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
+
+
+def _reading(hint: Any) -> dict[str, Any]:
+    """Return how argparse reads a value of a type."""
+    if get_origin(hint) is UnionType:
+        hint = get_args(hint)[0]
+    if hint is bool:
+        return {"action": argparse.BooleanOptionalAction}
+    if get_origin(hint) is tuple:
+        kinds = get_args(hint)
+        return _reading(kinds[0]) | {"nargs": "+" if Ellipsis in kinds else len(kinds)}
+    return {"type": hint, "metavar": hint.__name__.upper()}

@@ -1,0 +1,62 @@
+"""How each agent is drawn: its label, colour and marker, and the sentence that explains it."""
+
+from typing import NamedTuple
+
+Line = str | tuple[float, tuple[float, ...]]
+
+
+class AgentStyle(NamedTuple):
+    """An agent in plots and tables.
+
+    colour, marker, line: as matplotlib takes them; width: of its lines [points].
+    """
+
+    label: str
+    colour: str
+    marker: str
+    line: Line = "-"
+    width: float = 1.6
+
+
+# Colours of M. Okabe and K. Ito, which colour-blind eyes tell apart; markers and line styles do
+# the same in greyscale. The lines of the random agent jump all over the picture: they are thin.
+STYLES: dict[str, AgentStyle] = {
+    "random": AgentStyle("random", "#56B4E9", "*", (0, (1, 1.5)), 0.8),
+    "default": AgentStyle("default", "#000000", "o"),
+    "cfl": AgentStyle("CFL", "#E69F00", "s", (0, (5, 2))),
+    "tuned_cfl": AgentStyle("tuned CFL", "#0072B2", "D", (0, (6, 1.5, 1, 1.5))),
+    "grid_search": AgentStyle("grid search", "#CC79A7", "^", (0, (3, 1.5))),
+    "lookahead": AgentStyle("look-ahead", "#8C8C00", "X", (0, (8, 2, 1, 2, 1, 2))),
+    "ppo": AgentStyle("PPO", "#009E73", "v"),
+    "sac": AgentStyle("SAC", "#D55E00", "P"),
+    "dqn": AgentStyle("DQN", "#A0522D", "h", (0, (4, 1, 1, 1))),
+}
+# What an agent does, as the end of a sentence that begins with its label.
+SENTENCES = {
+    "random": "draws every action at random; what anything sensible has to beat.",
+    "default": "keeps the scene's nominal constants; what you get if you tune nothing.",
+    "cfl": "keeps the nominal stiffness and takes, in every frame, the largest time step that the "
+    "usual stability limits (Courant, force, viscosity) allow.",
+    "tuned_cfl": "softens the fluid as far as its present speed permits and steps close to the "
+    "edge of stability, as a practitioner would; its work is the unit of work.",
+    "grid_search": "keeps one setting for the whole run, the best of a grid that was tried on "
+    "training instances.",
+    "lookahead": "tries settings on snapshots of the episode and keeps the best; it sees the "
+    "reference and the future, so it is a bound and no competitor.",
+    "ppo": "a small neural network that looks at the flow in every frame, trained on training "
+    "instances by proximal policy optimisation.",
+    "sac": "a small neural network that looks at the flow in every frame, trained on training "
+    "instances by the soft actor-critic method.",
+    "dqn": "a small neural network that values 27 small changes of the settings in every frame, "
+    "trained on training instances by deep Q-learning.",
+}
+
+
+def style_of(agent: str) -> AgentStyle:
+    """Return the style of an agent; one that isn't in STYLES is grey and keeps its name."""
+    return STYLES.get(agent, AgentStyle(agent, "#777777", "p", (0, (2, 1))))
+
+
+def sentence(agent: str) -> str:
+    """Return what an agent does, as the end of a sentence."""
+    return SENTENCES.get(agent, "an agent of your own.")

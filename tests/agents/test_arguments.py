@@ -1,0 +1,57 @@
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from agents.arguments import option, parse
+
+
+@dataclass
+class Example:
+    name: str = option("what it is called")
+    n_envs: int = option("how many", 2)
+    sound: tuple[float, ...] = option("any number of them", (0.5, 1.0))
+    grid: tuple[int, int, int] = option("three of them", (1, 2, 3))
+    settings: tuple[float, float] | None = option("two, or nothing", None)
+    output: Path = option("a folder", Path("runs"))
+    ship: bool = option("yes or no", False)
+
+
+def read(*words):
+    return parse(Example, "An example.", list(words))
+
+
+def test_without_words_the_defaults_count():
+    assert read("--name", "a") == Example("a")
+
+
+def test_words_become_values_of_their_type():
+    words = "--name a --n-envs 3 --sound 1 --grid 4 5 6 --settings 1 2 --output x --ship"
+    wanted = Example("a", 3, (1.0,), (4, 5, 6), (1.0, 2.0), Path("x"), True)
+    assert read(*words.split()) == wanted
+    assert read("--name", "a", "--no-ship") == Example("a")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("", "required: --name"),
+        ("--name a --n-envs many", "invalid int value: 'many'"),
+        ("--name a --grid 1 2", "expected 3 arguments"),
+        ("--name a --colour red", "unrecognized arguments: --colour red"),
+        ("--name a --out x", "unrecognized arguments: --out x"),
+    ],
+)
+def test_wrong_words_are_named(words, message, capsys):
+    with pytest.raises(SystemExit):
+        read(*words.split())
+    assert message in capsys.readouterr().err
+
+
+def test_the_help_shows_every_option_with_its_default(capsys):
+    with pytest.raises(SystemExit):
+        read("--help")
+    text = capsys.readouterr().out
+    assert "--n-envs INT" in text
+    assert "how many (default: 2)" in text
+    assert "what it is called\n" in text

@@ -2,6 +2,7 @@
 
 from sph_gym import scenes
 from sph_gym.env import TuningEnv, register_all
+from sph_gym.provenance import VERSION
 from sph_gym.solver.batch import advance_all
 from sph_gym.solver.geometry import (
     channel_particles,
@@ -22,7 +23,7 @@ from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.solver.walls import Motion, Walls
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 register_all()
 

@@ -7,14 +7,23 @@ from typing import Any
 
 from sph_gym import scenes
 
+ASSIGNMENTS: dict[str, Any] = {"nargs": "*", "action": "extend", "default": []}
+# Known here too, since it takes long to import the studies.
 STUDIES = (
-    "startup", "validation", "throughput", "effects", "headroom", "exploits", "soak", "stability",
+    "startup",
+    "validation",
+    "throughput",
+    "effects",
+    "headroom",
+    "exploits",
+    "soak",
+    "stability",
     "accuracy",
-)  # fmt: skip
+)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Parse and carry out; returns the exit status."""
+    """Carry out a command and return its exit status."""
     options = _parser().parse_args(arguments)
     try:
         return int(options.function(options))
@@ -28,99 +37,46 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m sph_gym", description=__doc__)
-    commands = parser.add_subparsers(
-        required=True, metavar="run | study | recommend | docs | manifest"
-    )
-    run = commands.add_parser("run", help="run a scene; log, watch or film it")
-    run.set_defaults(function=_run)
-    run.add_argument("scene", help=", ".join(scenes.names()))
-    run.add_argument(
-        "--set", nargs="*", action="extend", default=[], metavar="NAME=VALUE",
-        help="scene arguments",
-    )  # fmt: skip
-    run.add_argument("--seconds", type=float, help="physical time, by default the scene's own")
-    run.add_argument("--dt", type=float, help="time step [s]")
-    run.add_argument("--stiffness", type=float, help="Tait's B [Pa]")
-    run.add_argument("--xsph", type=float, help="XSPH epsilon")
-    run.add_argument("--dtype", default="float64", help="float64 or float32")
-    run.add_argument("--neighbors", default="grid", help="grid, or brute: is the search to blame?")
-    run.add_argument("--log", type=int, default=3, metavar="N", help="particles to log, 0: none")
-    run.add_argument("--color", default="speed", help="speed, density, pressure or neighbors")
-    run.add_argument("--arrows", action="store_true", help="draw forces as arrows")
-    show = run.add_mutually_exclusive_group()
-    show.add_argument("--window", action="store_true", help="watch it; keys are shown there")
-    show.add_argument("--video", metavar="PATH", help="film it: .mp4 or .gif")
-    run.add_argument("--save", metavar="PATH", help="record it: .npz, .h5, or .pvd for ParaView")
-    study = commands.add_parser("study", help="measure something and print a table")
-    study.set_defaults(function=_study)
-    study.add_argument("name", help=", ".join(STUDIES))
-    study.add_argument("--quick", action="store_true", help="coarser and sooner")
-    study.add_argument(
-        "--peers", metavar="PATH", help="throughput, accuracy: folder of a script to race against"
-    )
-    study.add_argument(
-        "--peers-python", metavar="PYTHON", default=sys.executable, help="what runs that script"
-    )
-    study.add_argument(
-        "--scenes", nargs="+", metavar="SCENE", help="validation, accuracy: only these scenes"
-    )
-    study.add_argument(
-        "--again", action="store_true",
-        help="validation: anew what was done before; accuracy: its times",
-    )  # fmt: skip
-    study.add_argument(
-        "--point", metavar="KEY", help="accuracy: run one kept point again; a hash of points.csv"
-    )
-    study.add_argument("--output", default="runs/studies", help="folder of the CSV file")
-    _add_recommend(commands)
-    docs = commands.add_parser("docs", help="everything about an environment, as Markdown")
-    docs.set_defaults(function=_docs)
-    docs.add_argument("id", nargs="?", help="such as sph_gym/DamBreak-v0; without: a list")
-    docs.add_argument("--output", metavar="FOLDER", help="write pages there, by default of all ids")
-    manifest = commands.add_parser(
-        "manifest", help="draw the instances anew and compute their references (an hour)"
-    )
-    manifest.set_defaults(function=_manifest)
-    manifest.add_argument("--scenes", nargs="+", metavar="SCENE", help="only these environments")
-    manifest.add_argument("--output", metavar="FOLDER", help="by default, where sph_gym reads them")
-    manifest.add_argument(
-        "--redefine", action="store_true",
-        help="let ids mean other flows than those of the same version did",
-    )  # fmt: skip
-    manifest.add_argument(
-        "--stamp", action="store_true", help="only write the digests of what is there anew"
-    )
+    names = "run | study | recommend | docs | manifest"
+    commands = parser.add_subparsers(required=True, metavar=names)
+    for add in (_add_run, _add_study, _add_recommend, _add_docs, _add_manifest):
+        add(commands)
     return parser
 
 
-def _add_recommend(commands: Any) -> None:
-    recommend = commands.add_parser(
-        "recommend", help="settings for an error or a time; without either, what is known"
-    )
-    recommend.set_defaults(function=_recommend)
-    recommend.add_argument("scene", help="one that `study accuracy` has measured")
-    wanted = recommend.add_mutually_exclusive_group()
-    wanted.add_argument("--error", metavar="SHARE", help="such as 0.01 or 1%%")
-    wanted.add_argument(
-        "--budget", metavar="TIME", help="processor time after compilation: 10s, 2min"
-    )
-    recommend.add_argument(
-        "--set", nargs="*", action="extend", default=[], metavar="NAME=VALUE",
-        help="scene arguments but for dx",
-    )  # fmt: skip
-    recommend.add_argument("--table", type=Path, help="lines.csv of a study of your own")
+def _add_run(commands: Any) -> None:
+    run = commands.add_parser("run", help="run a scene; log, watch or film it")
+    run.set_defaults(function=_run)
+    add = run.add_argument
+    add("scene", help=", ".join(scenes.names()))
+    add("--set", **ASSIGNMENTS, metavar="NAME=VALUE", help="scene arguments")
+    add("--seconds", type=float, help="physical time, by default the scene's own")
+    add("--dt", type=float, help="time step [s]")
+    add("--stiffness", type=float, help="Tait's B [Pa]")
+    add("--xsph", type=float, help="XSPH epsilon")
+    add("--dtype", default="float64", help="float64 or float32")
+    add("--neighbors", default="grid", help="grid, or brute: is the search to blame?")
+    add("--log", type=int, default=3, metavar="N", help="particles to log, 0: none")
+    add("--color", default="speed", help="speed, density, pressure or neighbors")
+    add("--arrows", action="store_true", help="draw forces as arrows")
+    show = run.add_mutually_exclusive_group()
+    show.add_argument("--window", action="store_true", help="watch it; keys are shown there")
+    show.add_argument("--video", metavar="PATH", help="film it: .mp4 or .gif")
+    add("--save", metavar="PATH", help="record it: .npz, .h5, or .pvd for ParaView")
 
 
 def _run(options: argparse.Namespace) -> int:
     from sph_gym.run import run
+    from sph_gym.solver.simulation import Simulation
 
+    scene = _scene(options.scene, options.set)
+    sim = Simulation(scene, dtype=options.dtype, neighbors=options.neighbors)
     changes = {name: getattr(options, name) for name in ("dt", "stiffness", "xsph")}
+    given = {name: value for name, value in changes.items() if value is not None}
+    sim.controls = sim.controls._replace(**given)
     return run(
-        _scene(options.scene, options.set),
+        sim,
         seconds=options.seconds,
-        controls={name: value for name, value in changes.items() if value is not None},
-        dtype=options.dtype,
-        neighbors=options.neighbors,
         n_logged=options.log,
         color=options.color,
         arrows=options.arrows,
@@ -140,7 +96,7 @@ def _scene(name: str, assignments: list[str]) -> scenes.Scene:
 
 
 def _assignment(text: str) -> tuple[str, Any]:
-    """A name, and a value that is a number if it can be; what it may be, the scene says."""
+    """Return a name and its value, a number if it can be; the scene checks both."""
     name, equals, value = text.partition("=")
     if not (name and equals):
         raise ValueError(f"--set: expected NAME=VALUE, got {text!r}")
@@ -148,6 +104,22 @@ def _assignment(text: str) -> tuple[str, Any]:
         return name, int(value) if value.isdecimal() else float(value)
     except ValueError:
         return name, value
+
+
+def _add_study(commands: Any) -> None:
+    study = commands.add_parser("study", help="measure something and print a table")
+    study.set_defaults(function=_study)
+    add = study.add_argument
+    add("name", help=", ".join(STUDIES))
+    add("--quick", action="store_true", help="coarser and sooner")
+    add("--peers", metavar="PATH", help="throughput, accuracy: folder of a script to race against")
+    add("--peers-python", metavar="PYTHON", default=sys.executable, help="what runs that script")
+    add("--scenes", nargs="+", metavar="SCENE", help="validation, accuracy: only these scenes")
+    text = "validation: anew what was done before; accuracy: its times"
+    add("--again", action="store_true", help=text)
+    text = "accuracy: run one kept point again; a hash of points.csv"
+    add("--point", metavar="KEY", help=text)
+    add("--output", default="runs/studies", help="folder of the CSV file")
 
 
 def _study(options: argparse.Namespace) -> int:
@@ -163,6 +135,21 @@ def _study(options: argparse.Namespace) -> int:
     return run_study(
         options.name, options.quick, options.output, peers, options.scenes, options.again
     )
+
+
+def _add_recommend(commands: Any) -> None:
+    recommend = commands.add_parser(
+        "recommend", help="settings for an error or a time; without either, what is known"
+    )
+    recommend.set_defaults(function=_recommend)
+    add = recommend.add_argument
+    add("scene", help="one that `study accuracy` has measured")
+    wanted = recommend.add_mutually_exclusive_group()
+    wanted.add_argument("--error", metavar="SHARE", help="such as 0.01 or 1%%")
+    text = "processor time after compilation: 10s, 2min"
+    wanted.add_argument("--budget", metavar="TIME", help=text)
+    add("--set", **ASSIGNMENTS, metavar="NAME=VALUE", help="scene arguments but for dx")
+    add("--table", type=Path, help="lines.csv of a study of your own")
 
 
 def _recommend(options: argparse.Namespace) -> int:
@@ -186,6 +173,14 @@ def _recommend(options: argparse.Namespace) -> int:
     return 0
 
 
+def _add_docs(commands: Any) -> None:
+    docs = commands.add_parser("docs", help="everything about an environment, as Markdown")
+    docs.set_defaults(function=_docs)
+    add = docs.add_argument
+    add("id", nargs="?", help="such as sph_gym/DamBreak-v0; without: a list")
+    add("--output", metavar="FOLDER", help="write pages there, by default of all ids")
+
+
 def _docs(options: argparse.Namespace) -> int:
     from sph_gym.env import documentation
 
@@ -195,6 +190,19 @@ def _docs(options: argparse.Namespace) -> int:
     else:
         print(documentation.page(options.id) if options.id else documentation.index())
     return 0
+
+
+def _add_manifest(commands: Any) -> None:
+    manifest = commands.add_parser(
+        "manifest", help="draw the instances anew and compute their references (an hour)"
+    )
+    manifest.set_defaults(function=_manifest)
+    add = manifest.add_argument
+    add("--scenes", nargs="+", metavar="SCENE", help="only these environments")
+    add("--output", metavar="FOLDER", help="by default, where sph_gym reads them")
+    text = "let ids mean other flows than those of the same version did"
+    add("--redefine", action="store_true", help=text)
+    add("--stamp", action="store_true", help="only write the digests of what is there anew")
 
 
 def _manifest(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""The one hash of everything that a result depends on: sources, data files and plain facts."""
+"""Where results come from: the version, and the one hash of sources, data files and facts."""
 
 import hashlib
 import json
@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+VERSION = "0.1.0"
 PACKAGE = Path(__file__).parent
 SUFFIXES = (".py", ".csv", ".json", ".npz")
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver.checks import positive
-from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.trajectory import Recorder
 from sph_gym.view import Painter, Window, write_video
@@ -17,11 +16,8 @@ VIDEO_WIDTH, VIDEO_FPS = 960, 30
 
 
 def run(
-    scene: Scene,
+    sim: Simulation,
     seconds: float | None = None,
-    controls: dict[str, float] | None = None,
-    dtype: str = "float64",
-    neighbors: str = "grid",
     n_logged: int = 3,
     color: str = "speed",
     arrows: bool = False,
@@ -29,47 +25,38 @@ def run(
     video: str | None = None,
     save: str | None = None,
 ) -> int:
-    """Run `scene` and show it; returns 1 if it blew up, else 0.
+    """Run a simulation and show it; return 1 if it blew up, else 0.
 
-    seconds: physical time [s], by default the scene's duration; controls: changes to the nominal
-    ones; n_logged: how many particles to log, spread evenly over the fluid; save: where a
-    `Recorder` puts the start and every frame.
-    Raises ValueError for wrong values and unknown names.
+    seconds: physical time [s], by default the scene's duration; n_logged: how many particles to
+    log, spread evenly over the fluid; color, arrows: as for `Painter`; window: watch it, until
+    the window is closed; video: film it there; save: where a `Recorder` puts the start and every
+    frame. Raises ValueError for wrong values and unknown names.
     """
-    sim = Simulation(scene, dtype=dtype, neighbors=neighbors)
-    sim.controls = sim.controls._replace(**(controls or {}))
-    until = scene.duration if seconds is None else positive("seconds", seconds)
+    until = sim.scene.duration if seconds is None else positive("seconds", seconds)
     with nullcontext() if save is None else Recorder(save, sim) as recorder:
         frames = _frames(sim, until, n_logged, recorder)
-        _show(sim, frames, color, arrows, window, video)
+        if video is not None:
+            painter = Painter(sim.scene, size=VIDEO_WIDTH, color=color, arrows=arrows)
+            pictures = (painter.paint(sim, title=sim.scene.name) for _ in frames)
+            write_video(video, pictures, VIDEO_FPS)
+            print(f"video: {video}")
+        elif window:
+            _watch(sim, frames, Window(sim.scene, color=color, arrows=arrows))
+        else:
+            for _ in frames:
+                pass
     if save is not None:
         print(f"trajectory: {save}")
     return int(sim.last_report.diverged)
 
 
-def _show(
-    sim: Simulation,
-    frames: Iterator[None],
-    color: str,
-    arrows: bool,
-    window: bool,
-    video: str | None,
-) -> None:
-    """Go through the frames, and film or show them."""
-    if video is not None:
-        painter = Painter(sim.scene, size=VIDEO_WIDTH, color=color, arrows=arrows)
-        write_video(video, (painter.paint(sim, title=sim.scene.name) for _ in frames), VIDEO_FPS)
-        print(f"video: {video}")
-    elif window:
-        with_keys = Window(sim.scene, color=color, arrows=arrows)
-        for _ in frames:
-            with_keys.show(sim)
-            if with_keys.closed:
-                break
-        with_keys.close()
-    else:
-        for _ in frames:
-            pass
+def _watch(sim: Simulation, frames: Iterator[None], window: Window) -> None:
+    """Show frame by frame; leave the last one on the screen until the window is closed."""
+    for _ in frames:
+        window.show(sim)
+        if window.closed:
+            return
+    window.wait_until_closed()
 
 
 def _frames(

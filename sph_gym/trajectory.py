@@ -1,4 +1,4 @@
-"""Data out: the frames of a run as compressed NumPy, as HDF5, or as VTK that ParaView opens.
+"""Record the frames of a run as compressed NumPy, as HDF5, or as VTK that ParaView opens.
 
 .npz, .h5, .hdf5: one file with the same names in all of them, read back by `read`:
 
@@ -16,9 +16,8 @@ import dataclasses
 import json
 import os
 import platform
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
@@ -28,11 +27,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.extras import needs_extra
+from sph_gym.files import atomic_write
+from sph_gym.provenance import VERSION
 from sph_gym.solver.checks import known
 from sph_gym.solver.simulation import Simulation
 
-# What can be recorded, and what it is called in VTK.
-FIELDS = {"x": "position", "v": "velocity", "rho": "density", "p": "pressure", "a": "acceleration"}
+# What is recorded, and what it is called in VTK.
+FIELDS = {"x": "position", "v": "velocity", "rho": "density", "p": "pressure"}
 INDEX = """<?xml version="1.0"?>
 <VTKFile type="Collection" version="0.1">
 <Collection>
@@ -59,27 +61,20 @@ class Trajectory(NamedTuple):
 class Recorder:
     """Appends the present state of a simulation to a file at every `record`.
 
-    The suffix of `path` chooses the format; fields: names of `FIELDS` (.pvd always has x). Nothing
-    is written before the first frame, then what was there is replaced. HDF5 and VTK are complete
-    after every frame: a crash costs the one in hand. A .npz is held in memory and appears when
-    the recorder closes, also after an exception or Ctrl-C. HDF5 can be read while it is written;
-    if the process is killed, other programs than `read` may ask for `h5clear -s` first.
+    The suffix of `path` chooses the format. Nothing is written before the first frame, then what
+    was there is replaced. HDF5 and VTK are complete after every frame: a crash costs the one in
+    hand. A .npz is held in memory and appears when the recorder closes, also after an exception or
+    Ctrl-C. HDF5 can be read while it is written; if the process is killed, other programs than
+    `read` may ask for `h5clear -s` first.
 
-    Raises ValueError for unknown suffixes and fields, FileNotFoundError if there is no such
-    directory, FileExistsError if a file is where the folder of a .pvd should be, ImportError that
-    names the extra to install.
+    Raises ValueError for unknown suffixes, FileNotFoundError if there is no such directory,
+    FileExistsError if a file is where the folder of a .pvd should be, ImportError that names the
+    extra to install.
     """
 
-    def __init__(
-        self,
-        path: str | os.PathLike[str],
-        sim: Simulation,
-        fields: Iterable[str] = ("x", "v", "rho", "p"),
-    ) -> None:
+    def __init__(self, path: str | os.PathLike[str], sim: Simulation) -> None:
         target, self._sim, self._closed = Path(path), sim, False
         suffix = known("suffix of path", target.suffix.lower(), _WRITERS)
-        names = ("x", *fields) if suffix == ".pvd" else fields
-        self._fields = [known("fields", name, FIELDS) for name in dict.fromkeys(names)]
         if not target.parent.is_dir():
             raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
         if suffix == ".pvd" and (folder := target.with_suffix("")).exists() and not folder.is_dir():
@@ -94,7 +89,7 @@ class Recorder:
         """Append time, controls and fields as they are now; ValueError once it is closed."""
         if self._closed:
             raise ValueError("record: expected an open recorder, this one is closed")
-        frame: Arrays = {f"fields/{name}": getattr(self._sim, name) for name in self._fields}
+        frame: Arrays = {f"fields/{name}": getattr(self._sim, name) for name in FIELDS}
         frame["controls"] = np.array(self._sim.controls)
         frame["times"] = np.float64(self._sim.time)
         self._append(frame)
@@ -112,7 +107,7 @@ class Recorder:
 
 
 def read(path: str | os.PathLike[str]) -> Trajectory:
-    """What a `Recorder` wrote as .npz, .h5 or .hdf5, up to the last complete frame.
+    """Return what a `Recorder` wrote as .npz, .h5 or .hdf5, up to the last complete frame.
 
     Raises ValueError for other suffixes and contents, OSError if the file can't be opened,
     ImportError that names the extra to install.
@@ -139,9 +134,7 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
 
 
 def _constants(sim: Simulation) -> Arrays:
-    """All that doesn't change in a run: the JSON text, and the arrays that it names."""
-    import sph_gym
-
+    """Return all that doesn't change in a run: the JSON text, and the arrays that it names."""
     parameters = {
         "scene": sim.scene,
         "dtype": sim.dtype,
@@ -151,7 +144,7 @@ def _constants(sim: Simulation) -> Arrays:
         "n_fluid": sim.n_fluid,
         "n_particles": sim.n_particles,
         "kind": (np.arange(sim.n_particles) >= sim.n_fluid).astype(np.uint8),
-        "sph_gym": sph_gym.__version__,
+        "sph_gym": VERSION,
         "numpy": np.__version__,
         "numba": numba.__version__,
         "python": platform.python_version(),
@@ -162,7 +155,7 @@ def _constants(sim: Simulation) -> Arrays:
 
 
 def _plain(value: Any, name: str, arrays: Arrays) -> Any:
-    """`value` in the types of JSON; arrays of numbers go into `arrays`, called like their place."""
+    """Return `value` in the types of JSON; put arrays into `arrays`, named by their place."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         parts = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
         value = {"class": type(value).__name__} | parts
@@ -183,27 +176,6 @@ def _plain(value: Any, name: str, arrays: Arrays) -> Any:
 # --- formats --------------------------------------------------------------------------------
 
 
-def _needed(name: str) -> Any:
-    """The module, or ImportError that names the extra."""
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise ImportError(
-            f'this format needs {error.name}: pip install "sph_gym[studies]"', name=error.name
-        ) from None
-
-
-@contextmanager
-def _draft(target: Path) -> Iterator[Path]:
-    """A name to write to; it becomes `target` when all went well."""
-    draft = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
-    try:
-        yield draft
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
-
-
 @contextmanager
 def _write_npz(path: Path, constants: Arrays) -> Iterator[Append]:
     frames: list[Arrays] = []
@@ -212,13 +184,14 @@ def _write_npz(path: Path, constants: Arrays) -> Iterator[Append]:
     finally:
         if frames:
             stacked: Arrays = {name: np.stack([f[name] for f in frames]) for name in frames[0]}
-            with _draft(path) as draft, draft.open("wb") as file:
-                np.savez_compressed(file, **(constants | stacked))
+            with atomic_write(path) as draft:
+                np.savez_compressed(draft, **(constants | stacked))
 
 
 @contextmanager
 def _write_hdf5(path: Path, constants: Arrays) -> Iterator[Append]:
-    h5py = _needed("h5py")
+    with needs_extra("studies"):
+        import h5py
     file: Any = None
     n_frames = 0
 
@@ -260,7 +233,8 @@ def _lay_out(file: Any, constants: Arrays, frame: Arrays) -> None:
 
 @contextmanager
 def _write_vtk(path: Path, constants: Arrays) -> Iterator[Append]:
-    meshio = _needed("meshio")
+    with needs_extra("studies"):
+        import meshio
     folder = path.with_suffix("")
     lines: list[str] = []
 
@@ -275,19 +249,18 @@ def _write_vtk(path: Path, constants: Arrays) -> Iterator[Append]:
         meshio.Mesh(points, [("vertex", vertices)], point_data=data).write(folder / name)
         place = quoteattr(f"{folder.name}/{name}")
         lines.append(f'<DataSet timestep="{float(frame["times"])!r}" file={place}/>\n')
-        with _draft(path) as draft:
+        with atomic_write(path) as draft:
             draft.write_text(INDEX.format("".join(lines)), encoding="utf-8")
 
     yield append
 
 
 def _points(frame: Arrays) -> tuple[Any, Arrays]:
-    """Positions (n, 3) and the other fields by their names in VTK, vectors as (n, 3)."""
+    """Return positions (n, 3) and the other fields by their names in VTK, vectors as (n, 3)."""
     data: Arrays = {}
     for name, title in FIELDS.items():
-        if f"fields/{name}" in frame:
-            column = frame[f"fields/{name}"].astype(np.float64)
-            data[title] = np.pad(column, ((0, 0), (0, 1))) if column.ndim == 2 else column
+        column = frame[f"fields/{name}"].astype(np.float64)
+        data[title] = np.pad(column, ((0, 0), (0, 1))) if column.ndim == 2 else column
     return data.pop(FIELDS["x"]), data
 
 
@@ -301,7 +274,8 @@ def _read_npz(path: Path) -> Arrays:
 
 
 def _read_hdf5(path: Path) -> Arrays:
-    h5py = _needed("h5py")
+    with needs_extra("studies"):
+        import h5py
     names: list[str] = []
     # this mode also opens what a killed process left
     with h5py.File(path, "r", swmr=True) as file:

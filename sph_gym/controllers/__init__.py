@@ -1,4 +1,4 @@
-"""Who sets the controls, without any learning framework: rules, and an exported network."""
+"""Controllers, without any learning framework: rules, beam search, and exported networks."""
 
 from sph_gym.controllers.network import Network
 from sph_gym.controllers.rules import ArticleCfl, Controller, Static, TunedCfl, nominal

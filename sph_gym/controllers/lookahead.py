@@ -1,4 +1,4 @@
-"""Beam search over snapshots: what the best sequence of settings would have been."""
+"""Beam search over snapshots for the sequence of settings that earns most."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -17,8 +17,8 @@ class Branch(NamedTuple, Generic[State, Move]):
     over: bool
 
 
-class Outcome(NamedTuple, Generic[State]):
-    """What a move leads to: the state after it, what it earned, and whether that is the end."""
+class Transition(NamedTuple, Generic[State]):
+    """Result of a move: the state after it, its reward, and whether that is the end."""
 
     state: State
     reward: float
@@ -28,12 +28,12 @@ class Outcome(NamedTuple, Generic[State]):
 def beam_search(
     state: State,
     moves: Callable[[State], Sequence[Move]],
-    play: Callable[[State, Move], Outcome[State]],
+    play: Callable[[State, Move], Transition[State]],
     depth: int,
     width: int,
     same: Callable[[State], Any],
 ) -> Branch[State, Move]:
-    """The best branch of at most `depth` moves from a state.
+    """Return the best branch of at most `depth` moves from a state.
 
     moves: what may be tried in a state; play: tries it; width: how many branches go on after
     every move, by what they have earned; same: branches of which this is equal count as one, so
@@ -54,7 +54,7 @@ def beam_search(
 
 
 def _follow(
-    branch: Branch[State, Move], move: Move, play: Callable[[State, Move], Outcome[State]]
+    branch: Branch[State, Move], move: Move, play: Callable[[State, Move], Transition[State]]
 ) -> Branch[State, Move]:
     state, reward, over = play(branch.state, move)
     return Branch(state, branch.earned + reward, (*branch.moves, move), over)
@@ -63,10 +63,10 @@ def _follow(
 def _best(
     branches: list[Branch[State, Move]], width: int, same: Callable[[State], Any]
 ) -> list[Branch[State, Move]]:
-    """The `width` branches that earned most, one of each kind, best first.
+    """Return the `width` branches that earned most, one of each kind, best first.
 
-    At most half of them are siblings, unless there is nobody else: what earns most now may be a
-    dead end, with all that grew beside it.
+    At most half of them are siblings, unless there are no others: the one that earns most now may
+    be a dead end, with all its siblings.
     """
     kept: dict[Any, Branch[State, Move]] = {}
     spare: dict[Any, Branch[State, Move]] = {}

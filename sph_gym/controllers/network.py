@@ -37,7 +37,7 @@ class Network:
     squash: str
 
     def __call__(self, observation: Floats) -> Floats:
-        """The action (3,) for an observation (n,), or the values of the discrete ones (27,)."""
+        """Return the action (3,) for an observation (n,), or the values of discrete ones."""
         x = np.asarray(observation, dtype=np.float32)
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             x = weight @ x + bias
@@ -51,7 +51,7 @@ class Network:
         """Write a .npz file that `load` reads; a kill leaves all of it or what was there before."""
         layers: dict[str, Any] = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
-        with atomic_write(path, make_folder=False) as draft:
+        with atomic_write(path) as draft:
             np.savez_compressed(draft, activation=self.activation, squash=self.squash, **layers)
 
     @staticmethod
@@ -75,7 +75,7 @@ class Network:
 
 
 def _fit(weights: tuple[Floats, ...], biases: tuple[Floats, ...]) -> bool:
-    """Whether these are finite numbers, and every layer takes what the one before gives."""
+    """Return whether all numbers are finite and every layer takes what the one before gives."""
     if not all(part.dtype.kind == "f" and np.isfinite(part).all() for part in weights + biases):
         return False
     if not all(weight.ndim == 2 for weight in weights):

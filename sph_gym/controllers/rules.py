@@ -1,4 +1,4 @@
-"""Rules that look at the running solver and say what its controls should be."""
+"""Rules that set the controls from the present state of the solver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ Controller = Callable[[Simulation], Controls]
 
 
 def nominal(sim: Simulation) -> Controls:
-    """The scene's own constants, whatever happens."""
+    """Return the scene's own constants, whatever happens."""
     return sim.nominal_controls
 
 
 @dataclass(frozen=True)
 class Static:
-    """The same settings for the whole run.
+    """Constant settings for the whole run.
 
     courant: dt c / h; sound: sound speed as a multiple of the scene's nominal c0; xsph: epsilon.
     """
@@ -26,7 +26,7 @@ class Static:
     xsph: float
 
     def __call__(self, sim: Simulation) -> Controls:
-        """Controls for the present state."""
+        """Return the controls for the present state."""
         return from_numbers(sim, self.courant, self.sound * sim.scene.fluid.c0, self.xsph)
 
 
@@ -34,7 +34,7 @@ class ArticleCfl:
     """The article's rule: nominal stiffness, and in every frame the largest step it allows."""
 
     def __call__(self, sim: Simulation) -> Controls:
-        """Controls for the present state."""
+        """Return the controls for the present state."""
         stiffness, xsph = sim.nominal_controls[1:]
         sim.controls = sim.controls._replace(stiffness=stiffness)
         return Controls(sim.stable_dt(), stiffness, xsph)
@@ -55,7 +55,7 @@ class TunedCfl:
     floor: float = 0.4
 
     def __call__(self, sim: Simulation) -> Controls:
-        """Controls for the present state."""
+        """Return the controls for the present state."""
         scene, h = sim.scene, sim.scene.h
         c = max(self.mach * sim.max_speed, self.floor * scene.fluid.c0)
         nu = scene.effects.laminar_viscosity or 0.0
@@ -67,5 +67,5 @@ class TunedCfl:
 
 
 def from_numbers(sim: Simulation, courant: float, c: float, xsph: float) -> Controls:
-    """Controls from the Courant multiple dt c / h, the sound speed c [m/s] and epsilon."""
+    """Return controls from the Courant multiple dt c / h, the sound speed c [m/s] and epsilon."""
     return Controls(courant * sim.scene.h / c, sim.scene.fluid.stiffness(c), xsph)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.controllers.lookahead import Outcome, beam_search
+from sph_gym.controllers.lookahead import Transition, beam_search
 from sph_gym.env import actions
 from sph_gym.env.episode import Episode
 
@@ -20,15 +20,13 @@ State = dict[str, Any]
 class Search(NamedTuple):
     """How thorough it is.
 
-    width: branches that go on; hold: steps for which a setting is tried; horizon: moves that are
-    looked ahead before the first one is made, None: to the end of the episode; courant, sound:
-    pairs that are tried besides those around the present one, as multiples dt c / h and multiples
-    of c0; xsph: epsilons that are tried; near: how far around the present one, in coordinates.
+    width: branches that go on; hold: steps for which a setting is tried; courant, sound: pairs
+    that are tried besides those around the present one, as multiples dt c / h and multiples of
+    c0; xsph: epsilons that are tried; near: how far around the present one, in coordinates.
     """
 
     width: int = 8
     hold: int = 2
-    horizon: int | None = None
     courant: tuple[float, ...] = (0.75, 1.0)
     sound: tuple[float, ...] = (0.1, 0.2, 0.4, 0.8)
     xsph: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6)
@@ -83,20 +81,19 @@ class Oracle:
         return self._plan.pop(0)
 
     def plan(self, episode: Episode) -> list[Any]:
-        """The actions of the best branch, or of its first move if the horizon is limited."""
+        """Return the actions of the best branch to the end of the episode."""
         search, start = self.search, episode.state()
         depth = -(-(episode.n_steps - episode.step) // search.hold)
         branch = beam_search(
             start,
             self._settings,
             lambda state, wanted: self._play(episode, state, wanted),
-            depth if search.horizon is None else min(search.horizon, depth),
+            depth,
             search.width,
             lambda state: (state["simulation"]["totals"], state["coordinates"].tobytes()),
         )
         episode.restore(start)
-        moves = branch.moves if search.horizon is None else branch.moves[:1]
-        return self._as_actions(episode, start, moves)
+        return self._as_actions(episode, start, branch.moves)
 
     def _as_actions(self, episode: Episode, start: State, moves: Any) -> list[Any]:
         present, played, modes = start["coordinates"], [], episode.rules.actions
@@ -120,7 +117,7 @@ class Oracle:
             points[:, axis] = value
         return list(dict.fromkeys(tuple(point) for point in points.tolist()))
 
-    def _play(self, episode: Episode, state: State, wanted: Point) -> Outcome[State]:
+    def _play(self, episode: Episode, state: State, wanted: Point) -> Transition[State]:
         episode.restore(state)
         earned, over = 0.0, False
         for _ in range(self.search.hold):
@@ -130,4 +127,4 @@ class Oracle:
             over = step.over
             if over:
                 break
-        return Outcome(episode.state(), earned, over)
+        return Transition(episode.state(), earned, over)

@@ -27,9 +27,9 @@ BAD: Rgb = (255, 0, 144)
 BAD_INDEX = 256
 
 
-def interpolated(anchors: ArrayLike) -> Bytes:
-    """A (256, 3) look-up table through evenly spaced anchors, (k, 3) sRGB values in [0, 255]."""
-    table = np.asarray(anchors, dtype=float)
+def interpolated(anchors: str) -> Bytes:
+    """Return a (256, 3) look-up table through evenly spaced sRGB colours in hexadecimal."""
+    table = np.array([list(bytes.fromhex(anchor)) for anchor in anchors.split()], dtype=float)
     at = np.linspace(0.0, len(table) - 1.0, 256)
     columns = [np.interp(at, np.arange(len(table)), column) for column in table.T]
     return np.stack(columns, axis=-1).round().astype(np.uint8)
@@ -38,49 +38,18 @@ def interpolated(anchors: ArrayLike) -> Bytes:
 # Every 15th entry of viridis: lightness rises evenly, also for colour-blind eyes.
 # Source: S. van der Walt and N. Smith, matplotlib, CC0.
 VIRIDIS = interpolated(
-    [
-        (68, 1, 84),
-        (72, 23, 105),
-        (71, 42, 122),
-        (67, 61, 132),
-        (61, 78, 138),
-        (53, 94, 141),
-        (46, 109, 142),
-        (41, 123, 142),
-        (35, 137, 142),
-        (31, 151, 139),
-        (33, 165, 133),
-        (46, 179, 124),
-        (70, 192, 111),
-        (101, 203, 94),
-        (137, 213, 72),
-        (176, 221, 47),
-        (216, 226, 25),
-        (253, 231, 37),
-    ]
+    "440154 481769 472a7a 433d84 3d4e8a 355e8d 2e6d8e 297b8e 23898e "
+    "1f978b 21a585 2eb37c 46c06f 65cb5e 89d548 b0dd2f d8e219 fde725"
 )
-
 # Two straight lines in CIELAB that meet in a neutral grey. Lightness rises all the way, so that
 # too thin and too dense stay apart in greyscale; blue and amber stay apart for colour-blind eyes.
 BLUE_AMBER = interpolated(
-    [
-        (0, 66, 144),
-        (54, 80, 144),
-        (82, 96, 145),
-        (105, 111, 145),
-        (125, 128, 145),
-        (145, 145, 145),
-        (170, 158, 137),
-        (194, 172, 128),
-        (217, 186, 118),
-        (240, 200, 107),
-        (255, 215, 94),
-    ]
+    "004290 365090 526091 696f91 7d8091 919191 aa9e89 c2ac80 d9ba76 f0c86b ffd75e"
 )
 
 
 class Quantity(NamedTuple):
-    """What a colour stands for.
+    """A quantity by which particles are coloured.
 
     label and unit ("" for a bare number) as they stand at the colour bar; palette: (256, 3)
     uint8; values: of a simulation, (n_fluid,) in that unit; limits: of a scene, the values at
@@ -100,24 +69,8 @@ class Quantity(NamedTuple):
 
 
 def velocity_scale(scene: Scene) -> float:
-    """The largest speed [m/s] that the scene was made for, a tenth of its sound speed."""
+    """Return the largest speed [m/s] that the scene was made for, a tenth of its sound speed."""
     return scene.fluid.c0 / 10.0
-
-
-def _speed(sim: Simulation) -> NDArray[Any]:
-    return np.hypot(*sim.v[: sim.n_fluid].T)
-
-
-def _density(sim: Simulation) -> NDArray[Any]:
-    return sim.rho[: sim.n_fluid] / sim.scene.fluid.rho0
-
-
-def _pressure(sim: Simulation) -> NDArray[Any]:
-    return sim.p[: sim.n_fluid]
-
-
-def _neighbors(sim: Simulation) -> NDArray[Any]:
-    return sim.neighbor_counts
 
 
 def _pressure_limits(scene: Scene) -> tuple[float, float]:
@@ -130,21 +83,35 @@ def _neighbor_limits(scene: Scene) -> tuple[float, float]:
     return 0.0, float(math.ceil(1.5 * on_lattice))
 
 
+def _speed(sim: Simulation) -> NDArray[Any]:
+    return np.hypot(*sim.v[: sim.n_fluid].T)
+
+
 QUANTITIES: dict[str, Quantity] = {
-    "speed": Quantity("speed", "m/s", VIRIDIS, _speed, lambda s: (0.0, velocity_scale(s))),
-    "density": Quantity("density / rest density", "", BLUE_AMBER, _density, lambda _: (0.9, 1.1)),
-    "pressure": Quantity("pressure", "Pa", VIRIDIS, _pressure, _pressure_limits),
-    "neighbors": Quantity("neighbours", "", VIRIDIS, _neighbors, _neighbor_limits),
+    "speed": Quantity("speed", "m/s", VIRIDIS, _speed, lambda scene: (0.0, velocity_scale(scene))),
+    "density": Quantity(
+        "density / rest density",
+        "",
+        BLUE_AMBER,
+        lambda sim: sim.rho[: sim.n_fluid] / sim.scene.fluid.rho0,
+        lambda scene: (0.9, 1.1),
+    ),
+    "pressure": Quantity(
+        "pressure", "Pa", VIRIDIS, lambda sim: sim.p[: sim.n_fluid], _pressure_limits
+    ),
+    "neighbors": Quantity(
+        "neighbours", "", VIRIDIS, lambda sim: sim.neighbor_counts, _neighbor_limits
+    ),
 }
 
 
 def quantity(name: str) -> Quantity:
-    """The quantity called `name`; ValueError that lists the known ones if there is none."""
+    """Return the quantity called `name`; ValueError that lists the known ones if there is none."""
     return QUANTITIES[known("color", name, QUANTITIES)]
 
 
 def palette_index(values: ArrayLike, limits: tuple[float, float]) -> NDArray[np.int64]:
-    """Where (n,) values stand between the limits: 0 to 255, or `BAD_INDEX` if not finite."""
+    """Return where (n,) values stand between the limits, 0 to 255; `BAD_INDEX` if not finite."""
     given = np.asarray(values, dtype=float)
     finite = np.isfinite(given)
     low, high = limits
@@ -153,7 +120,7 @@ def palette_index(values: ArrayLike, limits: tuple[float, float]) -> NDArray[np.
 
 
 def ticks(limits: tuple[float, float], n_max: int) -> tuple[list[float], int]:
-    """At most `n_max` round numbers within the limits (always one), and their decimals."""
+    """Return at most `n_max` round numbers within the limits (always one), and their decimals."""
     low, high = limits
     exponent = math.floor(math.log10((high - low) / max(n_max, 1))) - 1
     steps = (base * 10.0**power for power in range(exponent, exponent + 4) for base in (1, 2, 5))

@@ -77,7 +77,7 @@ class Painter:
 
     @property
     def color(self) -> str:
-        """What the colours stand for: a key of `QUANTITIES`; ValueError for any other."""
+        """The quantity that the colours show, a key of `QUANTITIES`; ValueError for any other."""
         return self._color
 
     @color.setter
@@ -88,7 +88,7 @@ class Painter:
     def paint(
         self, sim: Simulation, title: str = "", lines: Sequence[str] = ()
     ) -> NDArray[np.uint8]:
-        """A new picture, (height, width, 3), of the present state.
+        """Return a new picture, (height, width, 3), of the present state.
 
         title: above the fluid, by default the scene's name; lines: shown below the controls.
         Raises ValueError if there are more lines than rows were kept free.
@@ -99,7 +99,7 @@ class Painter:
         return np.frombuffer(data, np.uint8).reshape(height, width, 3).copy()
 
     def draw(self, sim: Simulation, title: str = "", lines: Sequence[str] = ()) -> "Surface":
-        """Like `paint`, onto the painter's own surface: it holds until the next picture."""
+        """Paint onto the painter's own surface, which holds the picture until the next one."""
         if len(lines) > self.layout.n_lines:
             raise ValueError(
                 f"lines: expected at most {self.layout.n_lines} (Painter(n_lines=...) makes "
@@ -113,7 +113,7 @@ class Painter:
         return self._surface
 
     def _draw_backdrop(self, wall_x: NDArray[Any]) -> None:
-        """The walls and the empty domain, which are drawn anew only after walls have moved."""
+        """Draw walls and empty domain; they are made anew only after walls have moved."""
         if self._wall_x is None or not np.array_equal(wall_x, self._wall_x):
             frame = load().Rect(self.layout.domain)
             self._backdrop.fill(colors.PAGE)
@@ -127,7 +127,7 @@ class Painter:
         self._surface.blit(self._backdrop, (0, 0))
 
     def _draw_fluid(self, sim: Simulation, x: NDArray[Any]) -> float:
-        """The fluid at x (n_fluid, 2) [m]; returns the unit of its arrows [m/s^2], 0 without."""
+        """Draw the fluid at x (n_fluid, 2) [m]; return the unit of its arrows [m/s^2] or 0."""
         inside = self._surface.subsurface(load().Rect(self.layout.domain))
         at, shown = self.layout.pixels(x), self._quantity
         index = colors.palette_index(shown.values(sim), shown.limits(self.scene))
@@ -147,7 +147,7 @@ class Painter:
         return unit
 
     def _draw_header(self, sim: Simulation, title: str, unit: float) -> None:
-        """Title on the left, time on the right, and what an arrow's length stands for."""
+        """Draw the title on the left, the time on the right, and an arrow of unit length."""
         left, _, width, _ = self.layout.domain
         em = self.layout.em
         y, right = 0.7 * em, left + width

@@ -1,4 +1,4 @@
-"""Where things go: which part of space is seen, and where on the picture; no drawing here."""
+"""Layout of a picture: which part of space is seen, and where on the picture; no drawing here."""
 
 import math
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ FLATTEST, TALLEST = 0.15, 0.7
 LINE, FIELD = 1.6, 8.0
 
 
-class Bounds(NamedTuple):
-    """A rectangle in space [m]."""
+class View(NamedTuple):
+    """The part of space that is seen, a rectangle [m]."""
 
     x_min: float
     x_max: float
@@ -51,7 +51,7 @@ class Area(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """A picture's plan.
+    """Places of everything on a picture.
 
     size: width and height [pixels], both even; em: size of the text [pixels]; domain: where the
     fluid is seen; footer: what is left for text below it; color_bar: its right-hand end;
@@ -63,18 +63,18 @@ class Layout(NamedTuple):
     domain: Area
     footer: Area
     color_bar: Area
-    view: Bounds
+    view: View
     scale: float
     n_lines: int
 
     def pixels(self, x: NDArray[Any]) -> NDArray[np.float64]:
-        """(n, 2) positions [m] as (n, 2) pixels from the domain's upper left corner."""
+        """Return (n, 2) positions [m] as (n, 2) pixels from the domain's upper left corner."""
         origin = np.array([self.view.x_min, self.view.y_max])
         return (np.asarray(x, dtype=float) - origin) * (self.scale, -self.scale)
 
 
-def view_bounds(scene: Scene) -> Bounds:
-    """What to show for a whole run: walls and fluid at the start, or the blob and space around."""
+def view_bounds(scene: Scene) -> View:
+    """Return what to show for a whole run: walls and fluid, or the blob and space around it."""
     walls, margin = scene.walls, scene.dx
     points = np.asarray(scene.x)
     if walls is not None and walls.particles is not None:
@@ -83,7 +83,7 @@ def view_bounds(scene: Scene) -> Bounds:
     if walls is None:
         half = np.maximum(OPEN_SPACE * (high - low) / 2, 4 * scene.dx)
         low, high = (low + high) / 2 - half, (low + high) / 2 + half
-        return Bounds(low[0], high[0], low[1], high[1])
+        return View(low[0], high[0], low[1], high[1])
     sides = (low[0], high[0], low[1], high[1])
     if walls.box is not None:
         # a side at infinity is open: there the particles alone decide
@@ -93,11 +93,11 @@ def view_bounds(scene: Scene) -> Bounds:
     x_min, x_max, y_min, y_max = (float(side) for side in sides)
     if walls.box is None or not math.isfinite(walls.box[3]):
         y_max += SPLASH * (y_max - y_min)
-    return Bounds(x_min - margin, x_max + margin, y_min - margin, y_max + margin)
+    return View(x_min - margin, x_max + margin, y_min - margin, y_max + margin)
 
 
 def arrange(scene: Scene, size: int | tuple[int, int], n_lines: int) -> Layout:
-    """The plan of a picture of a scene.
+    """Return the layout of a picture of a scene.
 
     size: width [pixels], from which the height follows, or width and height; odd numbers are
     rounded up. n_lines: rows of text to keep free besides that of the controls. Raises
@@ -131,7 +131,7 @@ def arrange(scene: Scene, size: int | tuple[int, int], n_lines: int) -> Layout:
 
 
 def total_height(wanted: int | None, text: int, domain: float, width: int) -> int:
-    """Height of a picture [pixels]: `wanted`, or what text and domain take, within limits.
+    """Return the height of a picture [pixels]: `wanted`, or what text and domain take.
 
     domain: the height at which the domain fills the width. Raises ValueError if the text leaves
     no room.
@@ -148,12 +148,12 @@ def total_height(wanted: int | None, text: int, domain: float, width: int) -> in
 
 
 def control_rows(room: float, em: int) -> int:
-    """How many rows the three controls take in a column of that many pixels."""
+    """Return how many rows the three controls take in a column of that many pixels."""
     return math.ceil(3 / min(max(int(room / (FIELD * em)), 1), 3))
 
 
 def requested(size: int | tuple[int, int]) -> tuple[int, int | None]:
-    """Even width and, if it is given, even height; ValueError for anything that isn't a size."""
+    """Return even width and, if given, even height; ValueError for anything that is no size."""
     sides = tuple(size) if isinstance(size, Sequence) else (size,)
     whole = all(isinstance(side, (int, np.integer)) for side in sides)
     if not whole or len(sides) not in (1, 2) or sides[0] < MIN_WIDTH or min(sides) < 1:
@@ -165,16 +165,16 @@ def requested(size: int | tuple[int, int]) -> tuple[int, int | None]:
 
 
 def even(n: int) -> int:
-    """The smallest even number that isn't below n: video encoders want no others."""
+    """Return the smallest even number that isn't below n: video encoders want no others."""
     return int(n) + int(n) % 2
 
 
-def widened(bounds: Bounds, width: float, height: float, on_floor: bool) -> Bounds:
-    """The bounds enlarged to width and height [m]: sideways evenly, and upwards if `on_floor`."""
+def widened(bounds: View, width: float, height: float, on_floor: bool) -> View:
+    """Return the view enlarged to width and height [m]: sideways evenly, upwards if `on_floor`."""
     aside = max(width - bounds.width, 0.0) / 2
     above = max(height - bounds.height, 0.0)
     below = 0.0 if on_floor else above / 2
-    return Bounds(
+    return View(
         bounds.x_min - aside,
         bounds.x_max + aside,
         bounds.y_min - below,

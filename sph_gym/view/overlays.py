@@ -1,4 +1,4 @@
-"""What is drawn around and over the fluid: walls, arrows, the colour bar, the controls."""
+"""Drawings around and over the fluid: walls, arrows, the colour bar, the controls."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ MAX_ARROWS = 200
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, and an exponent only where it is huge or tiny."""
+    """Return a number with so many significant digits; an exponent only if it is huge or tiny."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
     decimals = digits - 1 - math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
@@ -30,7 +30,7 @@ def significant(value: float, digits: int = 3) -> str:
 
 
 def seconds(dt: float) -> str:
-    """A time step in the unit that suits it: s, ms or µs."""
+    """Return a time step in the unit that suits it: s, ms or µs."""
     for unit, size in (("s", 1.0), ("ms", 1e-3)):
         if dt >= 0.9995 * size:
             return f"{significant(dt / size)} {unit}"
@@ -38,7 +38,7 @@ def seconds(dt: float) -> str:
 
 
 def draw_box(surface: "Surface", layout: Layout, scene: Scene) -> None:
-    """The finite sides of the box that clamps particles, as lines on the domain."""
+    """Draw the finite sides of the box that clamps particles, as lines on the domain."""
     if scene.walls is None or scene.walls.box is None:
         return
     pygame, view = load(), layout.view
@@ -61,7 +61,7 @@ def draw_box(surface: "Surface", layout: Layout, scene: Scene) -> None:
 
 
 def arrow_unit(scene: Scene, a: NDArray[Any]) -> float:
-    """The acceleration [m/s^2] of an arrow of unit length: round, above most of the fluid's.
+    """Return the acceleration [m/s^2] of an arrow of unit length: round, above most of the fluid's.
 
     It is never below gravity, nor below what takes a thousand particle spacings to bring the
     fluid to its speed: arrows vanish in a fluid at rest, instead of showing round-off.
@@ -79,13 +79,13 @@ def arrow_unit(scene: Scene, a: NDArray[Any]) -> float:
 
 
 def arrow_length(layout: Layout, dx: float, n: int) -> float:
-    """Length [pixels] of the arrow that stands for `arrow_unit`, for n particles."""
+    """Return the length [pixels] of the arrow of `arrow_unit`, for n particles."""
     between = dx * layout.scale * math.sqrt(max(n / MAX_ARROWS, 1.0))
     return min(max(1.5 * between, 1.8 * layout.em), 4.0 * layout.em)
 
 
 def arrow_carriers(n: int) -> NDArray[np.int64]:
-    """Which of n particles carry arrows: evenly strewn, always the same."""
+    """Return which of n particles carry arrows: evenly strewn, always the same."""
     if n <= MAX_ARROWS:
         return np.arange(n)
     golden = (math.sqrt(5) - 1) / 2
@@ -95,7 +95,7 @@ def arrow_carriers(n: int) -> NDArray[np.int64]:
 def draw_arrows(
     surface: "Surface", start: NDArray[Any], along: NDArray[Any], longest: float
 ) -> None:
-    """Arrows from (n, 2) pixels along (n, 2) vectors [pixels], cut off at `longest` pixels."""
+    """Draw arrows from (n, 2) pixels along (n, 2) vectors [pixels], cut off at `longest`."""
     with np.errstate(invalid="ignore", divide="ignore"):
         length = np.hypot(*along.T)
         shown = (length >= 2.0) & np.isfinite(start).all(axis=1) & np.isfinite(length)
@@ -120,7 +120,7 @@ def draw_color_bar(
     limits: tuple[float, float],
     lettering: Lettering,
 ) -> None:
-    """The palette with its label, its unit and round numbers."""
+    """Draw the palette with its label, its unit and round numbers."""
     pygame = load()
     left, top, width, _ = layout.color_bar
     em = layout.em
@@ -143,7 +143,7 @@ def draw_color_bar(
 def draw_controls(
     surface: "Surface", layout: Layout, sim: Simulation, names: Lettering, values: Lettering
 ) -> int:
-    """dt, sound speed and xsph, each at its own fixed place; returns the rows that they took."""
+    """Draw dt, sound speed and xsph, each at a fixed place; return the rows that they took."""
     dt, _, xsph = sim.controls
     shown = {
         "dt": seconds(dt),

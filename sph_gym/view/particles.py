@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 # Discs are kept for this many positions within a pixel, each way: on whole pixels a lattice
 # would show beats, and slow particles would jump.
 PHASES = 4
-# Larger discs are placed on whole pixels: nobody sees the difference, and they take much room.
+# Larger discs are placed on whole pixels: the difference can't be seen, and they take much room.
 LARGE = 24.0
 # Diameter [pixels] from which discs have a darker rim, and how dark it is.
 RIMMED, RIM = 5.0, 0.22
@@ -37,7 +37,7 @@ class Discs:
         self._drawn = np.zeros(len(self._palette), bool)
 
     def _masks(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Coverage and brightness of all phases side by side, both (phases^2 side, side)."""
+        """Return coverage and brightness of all phases side by side, each (phases^2 side, side)."""
         side = 2 * self._half + 1
         phase = np.arange(self._phases) / self._phases
         centre = self._half + phase
@@ -50,9 +50,9 @@ class Discs:
         return np.clip(radius - distance + 0.5, 0.0, 1.0), shade
 
     def draw(self, surface: "Surface", at: NDArray[Any], index: NDArray[Any]) -> None:
-        """Discs at (n, 2) pixels in the (n,) entries of the palette; others are left out.
+        """Draw discs at (n, 2) pixels in the colours (n,) of the palette.
 
-        Left out are those outside the surface and those whose position isn't a number.
+        Those outside the surface are left out, and those whose position isn't a number.
         """
         size = np.array(surface.get_size())
         with np.errstate(invalid="ignore"):
@@ -73,7 +73,7 @@ class Discs:
             self._drawn[index] = True
 
     def _make_sprites(self, index: int) -> "list[Surface]":
-        """One disc for each phase, cut out of one surface."""
+        """Return one disc for each phase, cut out of one surface."""
         pygame = load()
         whole = sprite(self._shade[:, :, None] * self._palette[index], 255 * self._alpha)
         side = self._alpha.shape[1]

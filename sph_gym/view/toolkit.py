@@ -26,7 +26,7 @@ _font_lock = threading.Lock()
 
 @lru_cache(maxsize=1)
 def load() -> Any:
-    """The module pygame, imported without the greeting that it prints."""
+    """Return the module pygame, imported without the greeting that it prints."""
     silent_before = GREETING in os.environ
     os.environ.setdefault(GREETING, "1")
     try:
@@ -39,7 +39,7 @@ def load() -> Any:
 
 
 def _thinned(mask: NDArray[np.float32], times: int) -> NDArray[np.float32]:
-    """The mask with its strokes thinner by two large pixels each time."""
+    """Return the mask with its strokes thinner by two large pixels each time."""
     for _ in range(times):
         wide = np.pad(mask, 1)
         rows = np.minimum(np.minimum(wide[:-2], wide[1:-1]), wide[2:])
@@ -49,7 +49,7 @@ def _thinned(mask: NDArray[np.float32], times: int) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=4096)
 def _glyph(char: str, em: int, bold: bool) -> tuple[NDArray[np.float32], float]:
-    """Coverage (w, h) of a glyph, oversampled, and its advance [pixels]."""
+    """Return the coverage (w, h) of a glyph, oversampled, and its advance [pixels]."""
     pygame = load()
     with _font_lock:
         # idempotent, needs no display; the font is not kept, since others may quit the module
@@ -77,11 +77,11 @@ class Lettering:
         self._sprites: dict[tuple[str, int], Surface] = {}
 
     def width(self, text: str) -> float:
-        """Width of the text [pixels]."""
+        """Return the width of the text [pixels]."""
         return sum(_glyph(char, self.em, self.bold)[1] for char in text)
 
     def fitted(self, text: str, room: float) -> str:
-        """The text, cut off with an ellipsis if it is wider than `room` [pixels]."""
+        """Return the text, cut off with an ellipsis if it is wider than `room` [pixels]."""
         if self.width(text) <= room:
             return text
         while text and self.width(text + "…") > room:
@@ -119,7 +119,7 @@ class Lettering:
 
 
 def sprite(rgb: NDArray[Any], alpha: NDArray[Any]) -> "Surface":
-    """A surface with transparency from (w, h, 3) colours and (w, h) coverage, both in [0, 255]."""
+    """Return a surface with (w, h, 3) colours and (w, h) coverage, both in [0, 255]."""
     pygame = load()
     surface = pygame.Surface(alpha.shape, pygame.SRCALPHA, 32)
     pygame.surfarray.pixels3d(surface)[...] = np.asarray(rgb).round()

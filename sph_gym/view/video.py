@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.extras import needs_extra
+from sph_gym.files import atomic_write
 from sph_gym.solver.checks import positive
 from sph_gym.view.colors import PAGE, RULE
 from sph_gym.view.layout import even
@@ -40,16 +42,12 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Picture], fps: fl
     if not target.parent.is_dir():
         raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
     write = _write_gif if target.suffix.lower() == ".gif" else _write_mp4
-    draft = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix.lower()}")
-    try:
+    with atomic_write(target) as draft:
         write(draft, _checked(frames), fps)
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def side_by_side(frames: Sequence[Picture]) -> Picture:
-    """One picture, (height, width, 3) uint8, of several in a balanced grid, row by row.
+    """Return one picture, (height, width, 3) uint8, of several in a balanced grid, row by row.
 
     frames: (height, width, 3) uint8 each; smaller ones are centred in their tile, and the whole
     is padded to even sizes. Raises ValueError for an empty list and for anything else in it.
@@ -74,7 +72,7 @@ def side_by_side(frames: Sequence[Picture]) -> Picture:
 
 
 def _columns(n: int, height: int, width: int) -> int:
-    """How many columns bring n tiles nearest to `GRID_RATIO`, empty places counted against it."""
+    """Return how many columns bring n tiles nearest to `GRID_RATIO`; empty places count against."""
 
     def badness(n_columns: int) -> float:
         n_rows = math.ceil(n / n_columns)
@@ -85,7 +83,7 @@ def _columns(n: int, height: int, width: int) -> int:
 
 
 def _picture(name: str, frame: Any) -> Picture:
-    """The frame as an array, or ValueError that names it."""
+    """Return the frame as an array, or raise ValueError that names it."""
     array = np.asarray(frame)
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype != np.uint8 or array.size == 0:
         raise ValueError(
@@ -96,7 +94,7 @@ def _picture(name: str, frame: Any) -> Picture:
 
 
 def _checked(frames: Iterable[Picture]) -> Iterator[Picture]:
-    """The frames, padded to even sizes; ValueError at the first one that doesn't fit."""
+    """Yield the frames, padded to even sizes; ValueError at the first one that doesn't fit."""
     shape = None
     for k, frame in enumerate(frames):
         picture = _picture(f"frames[{k}]", frame)
@@ -111,18 +109,10 @@ def _checked(frames: Iterable[Picture]) -> Iterator[Picture]:
         raise ValueError("frames: expected at least one picture, got none")
 
 
-def _missing(error: ImportError) -> ImportError:
-    return ImportError(
-        f'videos need {error.name or "imageio"}: pip install "sph_gym[studies]"', name=error.name
-    )
-
-
 def _write_mp4(path: Path, frames: Iterator[Picture], fps: float) -> None:
-    try:
+    with needs_extra("studies"):
         import imageio.v2 as imageio
         import imageio_ffmpeg  # noqa: F401
-    except ImportError as error:
-        raise _missing(error) from None
     # a block of two is what yuv420p asks for; quality 8 of 10 keeps small discs crisp
     options: dict[str, Any] = {"codec": "libx264", "quality": 8, "macro_block_size": 2}
     first = next(frames)
@@ -137,9 +127,7 @@ def _write_mp4(path: Path, frames: Iterator[Picture], fps: float) -> None:
 
 
 def _write_gif(path: Path, frames: Iterator[Picture], fps: float) -> None:
-    try:
+    with needs_extra("studies"):
         import imageio.v3 as imageio
-    except ImportError as error:
-        raise _missing(error) from None
     milliseconds = max(round(100 / fps), 2) * 10
     imageio.imwrite(path, list(frames), plugin="pillow", duration=milliseconds, loop=0)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sph_gym.solver.checks import positive
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.view import colors
@@ -24,24 +23,23 @@ HELP = (
     ("P", "picture"),
     ("Q", "quit"),
 )
-# How long a paused window sleeps at most [ms], so that Ctrl-C in the terminal is heard.
+# How long a paused window sleeps at most [ms], so that Ctrl-C in the terminal works.
 NAP = 200
 FASTEST = 60.0
 
 
 class Window:
-    """Shows a scene in motion, and is asked to by `show` after every frame of it.
+    """Shows a scene in motion: call `show` after every frame, in real time or slower.
 
-    scene: what will be shown; size, color, arrows, n_lines: as for `Painter`; fps: frames a
-    second at most, by default those of real time; pictures: the directory for the key P.
+    scene: what will be shown; size, color, arrows, n_lines: as for `Painter`.
 
     Keys: space pauses and goes on, S or the right arrow goes one frame further, C takes the next
     quantity for the colours, N colours by neighbours and back, F draws the forces, P saves the
-    picture as PNG, Esc or Q closes.
+    picture as PNG in the working directory, Esc or Q closes.
 
     pygame has one display a process: a new window closes the one before. Raises ValueError as
     `Painter` does, and RuntimeError if the video driver that SDL_VIDEODRIVER names has no screen
-    (without that variable and without a screen, SDL draws where nobody sees it).
+    (without that variable and without a screen, SDL draws into the void).
     """
 
     _latest: "weakref.ref[Window] | None" = None
@@ -53,12 +51,8 @@ class Window:
         color: str = "speed",
         arrows: bool = False,
         n_lines: int = 2,
-        fps: float | None = None,
-        pictures: str | Path = ".",
     ) -> None:
         self._size, self._n_lines = size, n_lines
-        self._fps = None if fps is None else positive("fps", fps)
-        self._pictures = Path(pictures)
         self.paused = False
         self._one_step = False
         self._notice = ""
@@ -99,7 +93,12 @@ class Window:
         while self.paused and not self._one_step and not self.closed:
             self._react(load().event.wait(NAP))
         if not self.closed:
-            self._clock.tick(self._fps or min(1.0 / sim.scene.frame, FASTEST))
+            self._clock.tick(min(1.0 / sim.scene.frame, FASTEST))
+
+    def wait_until_closed(self) -> None:
+        """Leave the last picture on the screen; keys that change it still work."""
+        while not self.closed:
+            self._react(load().event.wait(NAP))
 
     def close(self) -> None:
         """Close the window and release the display; more than once does no harm."""
@@ -220,12 +219,11 @@ class Window:
         pygame = load()
         sim, lines, title = self._shown
         stem, number = f"{sim.scene.name}_{sim.time:.3f}s", 2
-        path = self._pictures / f"{stem}.png"
+        path = Path(f"{stem}.png")
         while path.exists():
-            path = self._pictures / f"{stem}-{number}.png"
+            path = Path(f"{stem}-{number}.png")
             number += 1
         try:
-            self._pictures.mkdir(parents=True, exist_ok=True)
             pygame.image.save(self._painter.draw(sim, title, lines), str(path))
         except (OSError, pygame.error) as error:
             self._notice = f"not saved: {error}"

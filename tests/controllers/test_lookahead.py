@@ -1,6 +1,6 @@
 import pytest
 
-from sph_gym.controllers.lookahead import Outcome, beam_search
+from sph_gym.controllers.lookahead import Transition, beam_search
 
 # A walk on the integers: a step to the right costs 1, one to the left pays 1, 3 pays 10.
 END = 3
@@ -8,7 +8,7 @@ END = 3
 
 def play(place, move):
     there = place + move
-    return Outcome(there, 10.0 if there == END else -float(move), there == END)
+    return Transition(there, 10.0 if there == END else -float(move), there == END)
 
 
 def search(depth, width, same=lambda place: place):

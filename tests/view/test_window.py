@@ -11,12 +11,11 @@ from sph_gym.view import Window
 @pytest.fixture
 def open_window(monkeypatch, late, tmp_path):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.chdir(tmp_path)
     windows = []
 
     def opened(scene=late.scene, **arguments):
-        windows.append(
-            Window(scene, **{"size": 480, "fps": 1e4, "pictures": tmp_path, **arguments})
-        )
+        windows.append(Window(scene, **{"size": 480, **arguments}))
         pygame.event.clear()
         return windows[-1]
 
@@ -113,12 +112,37 @@ def test_pictures_are_saved_without_replacing_older_ones(open_window, late, tmp_
     assert picture.get_width() == 480
 
 
-def test_a_picture_that_cannot_be_saved_does_not_end_the_run(open_window, late, tmp_path):
-    (tmp_path / "file").write_text("")
-    window = open_window(pictures=tmp_path / "file")
+def test_a_picture_that_cannot_be_saved_does_not_end_the_run(open_window, late, monkeypatch):
+    def full(*arguments):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(pygame.image, "save", full)
+    window = open_window()
+    window.show(late)
+    before = screen()
     press(pygame.K_p)
     window.show(late)
     assert not window.closed
+    assert (screen() != before).any()
+
+
+def test_the_last_picture_stays_until_the_window_is_closed(open_window, late, monkeypatch):
+    window = open_window()
+    window.show(late)
+    last, waits = screen(), []
+
+    def wait(milliseconds):
+        waits.append(milliseconds)
+        np.testing.assert_array_equal(screen(), last)
+        if len(waits) == 3:
+            press(pygame.K_q)
+        return pygame.event.poll()
+
+    monkeypatch.setattr(pygame.event, "wait", wait)
+    window.wait_until_closed()
+    assert window.closed
+    assert len(waits) == 3
+    window.wait_until_closed()
 
 
 @pytest.mark.parametrize("key", [pygame.K_q, pygame.K_ESCAPE, None])
@@ -164,5 +188,3 @@ def test_without_a_screen_the_error_says_so(monkeypatch, late):
     monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
     with pytest.raises(RuntimeError, match="no screen"):
         Window(late.scene)
-    with pytest.raises(ValueError, match="fps"):
-        Window(late.scene, fps=0)

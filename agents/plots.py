@@ -1,11 +1,13 @@
 """The plots of a comparison, one function each."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -26,7 +28,14 @@ from sph_gym.env.rewards import TERMS, Tolerances
 # Markers look equally large at these sizes; a circle stays visible below a square.
 SIZES = {"o": 1.25, "s": 0.85, "P": 1.2, "*": 1.5, "p": 1.2}
 INK, MUTED, RULE = "#262c36", "#5f6670", "#d6d9dd"
-DPI = 150
+LOOK: dict[Any, Any] = {
+    **{f"axes.spines.{side}": False for side in ("top", "right")},
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), MUTED),
+    **dict.fromkeys(("axes.labelcolor", "axes.titlecolor", "legend.labelcolor"), INK),
+    **dict.fromkeys(("xtick.labelcolor", "ytick.labelcolor"), INK),
+    **{"axes.grid": True, "axes.axisbelow": True, "grid.color": RULE, "grid.linewidth": 0.6},
+    **{"axes.titlelocation": "left", "legend.frameon": False, "savefig.facecolor": "white"},
+}
 # Colour and hatch of the terms of the reward; none of them is the colour of an agent.
 TERM_STYLES = {
     "work": ("#8fa3ad", ""),
@@ -47,30 +56,26 @@ PANELS = {
 
 
 def plot_returns(runs: pd.DataFrame, path: Path) -> None:
-    """Return per step of every run (dots), and its mean and 95 % interval, one row an agent.
+    """Plot the return per step of every run, its mean and its 95 % interval, one row an agent.
 
     runs: one row a run, with agent, return and blowup. Raises ValueError if there are no runs.
     """
     order = _ranking(runs)
-    figure = _figure(9.0, 1.7 + 0.5 * len(order))
-    ax = _axes(figure.add_subplot(), "x")
-    ax.axvline(0.0, color=MUTED, lw=0.8)
-    ax.axvline(0.5, color=INK, lw=1.0, ls="--")
-    for row, agent in enumerate(order):
-        _return_row(ax, row, agent, runs[runs["agent"] == agent])
-    _agent_rows(ax, order)
-    _means_beside(ax, order, runs)
-    ax.set_xlim(min(-0.05, float(runs["return"].min()) - 0.05), 1.02)
-    ax.set_xlabel(
-        "return per step (1 is best, 0.5 = tuned CFL rule's work within tolerance)", color=INK
-    )
-    handles = [
-        _handle("one instance", "o", MUTED, 4.0, alpha=0.5),
-        _handle("one that blew up", "x", MUTED, 6.0, mew=1.5),
-        _handle("mean and 95 % interval", "D", INK, ls="-", lw=2.5),
-    ]
-    _legend(figure, handles, 3)
-    _save(figure, path)
+    with _figure(path, 9.0, 1.7 + 0.5 * len(order)) as figure:
+        ax = _agent_rows(figure, order)
+        ax.axvline(0.0, color=MUTED, lw=0.8)
+        ax.axvline(0.5, color=INK, lw=1.0, ls="--")
+        for row, agent in enumerate(order):
+            _return_row(ax, row, agent, runs[runs["agent"] == agent])
+        _means_beside(ax, order, runs)
+        ax.set_xlim(min(-0.05, float(runs["return"].min()) - 0.05), 1.02)
+        ax.set_xlabel("return per step (1 is best, 0.5 = tuned CFL rule's work within tolerance)")
+        handles = [
+            _handle("one instance", "o", MUTED, 4.0, alpha=0.5),
+            _handle("one that blew up", "x", MUTED, 6.0, mew=1.5),
+            _handle("mean and 95 % interval", "D", INK, ls="-", lw=2.5),
+        ]
+        _legend(figure, handles, 3)
 
 
 def _return_row(ax: Axes, row: int, agent: str, runs: pd.DataFrame) -> None:
@@ -87,7 +92,7 @@ def _return_row(ax: Axes, row: int, agent: str, runs: pd.DataFrame) -> None:
 
 
 def _means_beside(ax: Axes, order: Sequence[str], runs: pd.DataFrame) -> None:
-    """Means and intervals in numbers to the right, under a heading above the first row."""
+    """Write means and intervals to the right, under a heading above the first row."""
     texts = ["mean (95 % interval)"]
     for agent in order:
         mean, low, high = interval(runs[runs["agent"] == agent]["return"].to_numpy())
@@ -96,41 +101,46 @@ def _means_beside(ax: Axes, order: Sequence[str], runs: pd.DataFrame) -> None:
     ax.set_ylim(len(order) - 0.5, -1.0)
     beside = ax.twinx()
     beside.set_ylim(ax.get_ylim())
-    beside.set_yticks([-0.8, *range(len(order))], texts, color=INK)
+    beside.set_yticks([-0.8, *range(len(order))], texts)
     beside.tick_params(axis="y", length=0)
     beside.spines[:].set_visible(False)
+    beside.grid(False)
 
 
 def plot_cost_against_error(runs: pd.DataFrame, path: Path) -> None:
-    """Mean work against mean fidelity and density error with 95 % intervals, one mark an agent.
+    """Plot mean work against mean errors, with 95 % intervals, one mark an agent.
 
     runs: one row a run, with agent, return, work, fidelity_error, density_error and blowup.
     Raises ValueError if there are no runs.
     """
-    tolerance = Tolerances().compression
-    order = _ranking(runs)
-    figure = _figure(10.0, 5.6)
-    panels = figure.subplots(1, 2, sharey=True)
-    for ax, measure, unit, title in (
-        (panels[0], "fidelity_error", 1.0, "fidelity error"),
-        (panels[1], "density_error", tolerance, f"density error (tolerance {100 * tolerance:g} %)"),
-    ):
-        _axes(ax, "both")
-        for agent in order:
-            own = runs[runs["agent"] == agent]
-            _cross(ax, own["work"], own[measure] / unit, style_of(agent), bool(own["blowup"].any()))
-        ax.axhline(1.0, color=INK, lw=1.0, ls="--", zorder=1)
-        ax.set_xlabel("work / work of the tuned CFL rule", color=INK)
-        ax.set_title(title, loc="left", size=11, color=INK)
-        ax.set_title("↙ better", loc="right", size=10, color=MUTED)
-    _cost_scales(panels)
-    handles = [_agent_handle(agent, runs) for agent in order]
-    _legend(figure, [*handles, _handle("tolerance", "", INK, ls="--", lw=1.0)], 4)
-    _save(figure, path)
+    order, tolerance = _ranking(runs), Tolerances().compression
+    with _figure(path, 10.0, 5.6) as figure:
+        panels = figure.subplots(1, 2, sharey=True)
+        for ax, measure, unit, title in (
+            (panels[0], "fidelity_error", 1.0, "fidelity error"),
+            (
+                panels[1],
+                "density_error",
+                tolerance,
+                f"density error (tolerance {100 * tolerance:g} %)",
+            ),
+        ):
+            for agent in order:
+                own = runs[runs["agent"] == agent]
+                _cross(
+                    ax, own["work"], own[measure] / unit, style_of(agent), bool(own["blowup"].any())
+                )
+            ax.axhline(1.0, color=INK, lw=1.0, ls="--", zorder=1)
+            ax.set_xlabel("work / work of the tuned CFL rule")
+            ax.set_title(title, size=11)
+            ax.set_title("↙ better", loc="right", size=10, color=MUTED)
+        _cost_scales(panels)
+        handles = [_agent_handle(agent, runs) for agent in order]
+        _legend(figure, [*handles, _handle("tolerance", "", INK, ls="--", lw=1.0)], 4)
 
 
 def _cross(ax: Axes, x: pd.Series, y: pd.Series, style: AgentStyle, blown: bool) -> None:
-    """Mean and interval both ways, hollow if any of the runs blew up."""
+    """Mark mean and interval both ways, hollow if any of the runs blew up."""
     (x_mean, *x_ends), (y_mean, *y_ends) = interval(x.to_numpy()), interval(y.to_numpy())
     ax.plot(x_ends, [y_mean, y_mean], color=style.colour, lw=1.6, zorder=2)
     ax.plot([x_mean, x_mean], y_ends, color=style.colour, lw=1.6, zorder=2)
@@ -138,7 +148,7 @@ def _cross(ax: Axes, x: pd.Series, y: pd.Series, style: AgentStyle, blown: bool)
 
 
 def _cost_scales(panels: Sequence[Axes]) -> None:
-    """Logarithmic both ways, with equal work and the tolerance always in sight."""
+    """Make both scales logarithmic, with equal work and the tolerance always in sight."""
     lowest = min(panels[0].dataLim.y0, panels[1].dataLim.y0)
     highest = max(panels[0].dataLim.y1, panels[1].dataLim.y1)
     for ax in panels:
@@ -149,7 +159,7 @@ def _cost_scales(panels: Sequence[Axes]) -> None:
         ax.set_xlim(min(low, 0.45), max(high, 2.2))
         _error_scale(ax, 0.01)
         ax.set_ylim(lowest / 1.5 if lowest > 0.02 else 0.0, max(1.5 * highest, 2.0))
-    panels[0].set_ylabel("error in multiples of its tolerance", color=INK)
+    panels[0].set_ylabel("error in multiples of its tolerance")
 
 
 def _fraction(x: float, _: int) -> str:
@@ -157,70 +167,61 @@ def _fraction(x: float, _: int) -> str:
 
 
 def plot_reward_terms(runs: pd.DataFrame, path: Path) -> None:
-    """Mean terms of the reward per step as stacked bars, one row an agent.
+    """Plot the mean terms of the reward per step as stacked bars, one row an agent.
 
     runs: one row a run, with agent, return and reward_TERM for every term of the reward.
     Raises ValueError if there are no runs.
     """
     order = _ranking(runs)
     means = runs.groupby("agent")[["return", *(f"reward_{term}" for term in TERMS)]].mean()
-    figure = _figure(9.0, 1.7 + 0.45 * len(order))
-    ax = _axes(figure.add_subplot(), "x")
-    for row, agent in enumerate(order):
-        ends = {True: 0.0, False: 0.0}
-        for term, (colour, hatch) in TERM_STYLES.items():
-            value = float(means.loc[agent, f"reward_{term}"])
-            ax.barh(
-                row, value, 0.62, ends[value > 0], color=colour, hatch=hatch, ec="white", lw=0.6
-            )
-            ends[value > 0] += value
-    ax.plot(means.loc[order, "return"], range(len(order)), "D", mfc="white", mec=INK, ms=7)
-    ax.axvline(0.0, color=INK, lw=1.0)
-    _agent_rows(ax, order)
-    ax.set_xlabel("mean reward per step", color=INK)
-    _term_legend(figure)
-    _save(figure, path)
-
-
-def _term_legend(figure: Figure) -> None:
-    names = {"blowup": "blow-up"}
-    patches = [
-        Patch(fc=colour, hatch=hatch, ec="white", label=names.get(term, term))
-        for term, (colour, hatch) in TERM_STYLES.items()
-    ]
-    total = _handle("sum = return", "D", INK, mfc="white")
-    _legend(figure, [*patches, total], 6)
+    with _figure(path, 9.0, 1.7 + 0.45 * len(order)) as figure:
+        ax = _agent_rows(figure, order)
+        for row, agent in enumerate(order):
+            ends = {True: 0.0, False: 0.0}
+            for term, (colour, hatch) in TERM_STYLES.items():
+                value = float(means.loc[agent, f"reward_{term}"])
+                bar = ax.barh(row, value, 0.62, ends[value > 0], color=colour, lw=0.6)
+                bar.patches[0].set(hatch=hatch, ec="white")
+                ends[value > 0] += value
+        ax.plot(means.loc[order, "return"], range(len(order)), "D", mfc="white", mec=INK, ms=7)
+        ax.axvline(0.0, color=INK, lw=1.0)
+        ax.set_ylim(len(order) - 0.5, -0.5)
+        ax.set_xlabel("mean reward per step")
+        patches = [
+            Patch(fc=colour, hatch=hatch, ec="white", label=term.replace("blowup", "blow-up"))
+            for term, (colour, hatch) in TERM_STYLES.items()
+        ]
+        _legend(figure, [*patches, _handle("sum = return", "D", INK, mfc="white")], 6)
 
 
 def plot_controls(
     episodes: dict[str, list[dict[str, Any]]], path: Path, nominal_stiffness: float
 ) -> None:
-    """Controls and errors over time, one line an agent.
+    """Plot controls and errors over time, one line an agent.
 
     episodes: infos of every step by agent, as `agents.evaluate.play` returns them, all of the
     same instance; nominal_stiffness: of that instance [Pa]. Raises ValueError without episodes.
     """
     if not episodes:
         raise ValueError("episodes: expected at least one, got none")
-    figure = _figure(10.0, 9.4)
-    axes = figure.subplots(3, 2, sharex=True).flat
-    for (label, scale), ax in zip(PANELS.items(), axes, strict=True):
-        _axes(ax, "both")
-        for k, (agent, infos) in enumerate(episodes.items()):
-            _line(ax, k, style_of(agent), infos, _series(infos, nominal_stiffness)[label])
-        _panel(ax, label, scale)
-    for ax in figure.axes[-2:]:
-        ax.set_xlabel("time [s]", color=INK)
-    handles = [
-        _handle(s.label, s.marker, s.colour, ls=s.line, lw=s.width, mec="white")
-        for s in map(style_of, episodes)
-    ]
-    _legend(figure, handles, 4)
-    _save(figure, path)
+    with _figure(path, 10.0, 9.4) as figure:
+        axes = figure.subplots(3, 2, sharex=True).flat
+        for (label, scale), ax in zip(PANELS.items(), axes, strict=True):
+            for k, (agent, infos) in enumerate(episodes.items()):
+                y = _series(infos, nominal_stiffness)[label]
+                _line(ax, k, style_of(agent), infos, y)
+            _panel(ax, label, scale)
+        for ax in figure.axes[-2:]:
+            ax.set_xlabel("time [s]")
+        handles = [
+            _handle(s.label, s.marker, s.colour, ls=s.line, lw=s.width, mec="white")
+            for s in map(style_of, episodes)
+        ]
+        _legend(figure, handles, 4)
 
 
 def _series(infos: Sequence[Mapping[str, Any]], nominal: float) -> dict[str, NDArray[Any]]:
-    """What the panels show, (n_steps,) each."""
+    """Return the quantities of the panels over the steps, (n_steps,) each."""
     columns = pd.DataFrame(infos)
     values: tuple[pd.Series, ...] = (
         1e3 * columns["dt"],
@@ -239,11 +240,9 @@ def _line(
 ) -> None:
     t = np.array([info["time"] for info in infos])
     gap = max(len(t) // 6, 1)
-    ax.plot(
-        t, y, color=style.colour, ls=style.line, lw=style.width,
-        marker=style.marker, ms=6 * SIZES.get(style.marker, 1.0), mec="white", mew=0.6,
-        markevery=(k * gap // 7 % len(t), gap),
-    )  # fmt: skip
+    look: dict[str, Any] = {"color": style.colour, "ls": style.line, "lw": style.width}
+    look |= {"marker": style.marker, "ms": 6 * SIZES.get(style.marker, 1.0), "mec": "white"}
+    ax.plot(t, y, **look, mew=0.6, markevery=(k * gap // 7 % len(t), gap))
     measured = np.flatnonzero(np.isfinite(y))
     if infos[-1]["blowup"] and len(measured):
         end = measured[-1]
@@ -251,7 +250,7 @@ def _line(
 
 
 def _panel(ax: Axes, label: str, scale: str) -> None:
-    ax.set_title(label, loc="left", size=10, color=INK)
+    ax.set_title(label, size=10)
     if scale == "log":
         ax.set_yscale("log")
         ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -264,7 +263,7 @@ def _panel(ax: Axes, label: str, scale: str) -> None:
 
 
 def _error_scale(ax: Axes, linear_below: float) -> None:
-    """Logarithmic, but with room for 0."""
+    """Make the scale logarithmic, but with room for 0."""
     ax.set_yscale("symlog", linthresh=linear_below, linscale=0.3)
     ax.yaxis.set_major_locator(
         SymmetricalLogLocator(base=10, linthresh=linear_below, subs=[1, 2, 5])
@@ -274,36 +273,35 @@ def _error_scale(ax: Axes, linear_below: float) -> None:
 
 
 def _ranking(runs: pd.DataFrame) -> list[str]:
-    """Agents, best mean return first."""
+    """Return the agents, best mean return first."""
     if runs.empty:
         raise ValueError("runs: expected at least one, got none")
     means = runs.groupby("agent", sort=False)["return"].mean()
     return list(means.sort_values(ascending=False, kind="stable").index)
 
 
-def _figure(width: float, height: float) -> Figure:
-    return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+@contextmanager
+def _figure(path: Path, width: float, height: float) -> Iterator[Figure]:
+    """Yield a figure of a size [inches] in the look of all plots; write it in the end."""
+    with rc_context(LOOK):
+        figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
+        yield figure
+        figure.savefig(path)
 
 
-def _axes(ax: Axes, grid: Literal["both", "x"]) -> Axes:
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.spines[["left", "bottom"]].set_color(MUTED)
-    ax.tick_params(color=MUTED, labelcolor=INK)
-    ax.grid(axis=grid, color=RULE, lw=0.6)
-    ax.set_axisbelow(True)
-    return ax
-
-
-def _agent_rows(ax: Axes, order: Sequence[str]) -> None:
-    """Names of agents at the y axis, the first on top."""
+def _agent_rows(figure: Figure, order: Sequence[str]) -> Axes:
+    """Return axes with the names of agents at the left, the first on top."""
+    ax = figure.add_subplot()
     ax.set_yticks(range(len(order)), [_plain(style_of(agent).label) for agent in order], size=11)
     ax.set_ylim(len(order) - 0.5, -0.5)
     ax.spines["left"].set_visible(False)
     ax.tick_params(axis="y", length=0)
+    ax.grid(False, axis="y")
+    return ax
 
 
 def _plain(text: str) -> str:
-    """Text in which no dollar sign begins a formula."""
+    """Return a text in which no dollar sign begins a formula."""
     return text.replace("$", r"\$")
 
 
@@ -320,7 +318,7 @@ def _mark(
 def _handle(
     label: str, marker: str, colour: str, size: float = 7.0, ls: Line = "none", **style: Any
 ) -> Line2D:
-    """An entry of a legend."""
+    """Return an entry of a legend."""
     style |= {"ms": size * SIZES.get(marker, 1.0), "label": _plain(label)}
     return Line2D([], [], marker=marker, color=colour, ls=ls, **style)
 
@@ -334,10 +332,4 @@ def _agent_handle(agent: str, runs: pd.DataFrame) -> Line2D:
 
 
 def _legend(figure: Figure, handles: list[Any], n_columns: int) -> None:
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=n_columns, frameon=False, labelcolor=INK
-    )
-
-
-def _save(figure: Figure, path: Path) -> None:
-    figure.savefig(path, facecolor="white")
+    figure.legend(handles=handles, loc="outside lower center", ncols=n_columns)

@@ -81,8 +81,8 @@ def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
     network().save(tmp_path / "n.npz")
     before = (tmp_path / "n.npz").read_bytes()
 
-    def half(file, **arrays):
-        file.write(b"half")
+    def half(path, **arrays):
+        path.write_bytes(b"half")
         raise OSError("no space left")
 
     monkeypatch.setattr(np, "savez_compressed", half)

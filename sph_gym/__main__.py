@@ -74,16 +74,8 @@ def _run(options: argparse.Namespace) -> int:
     changes = {name: getattr(options, name) for name in ("dt", "stiffness", "xsph")}
     given = {name: value for name, value in changes.items() if value is not None}
     sim.controls = sim.controls._replace(**given)
-    return run(
-        sim,
-        seconds=options.seconds,
-        n_logged=options.log,
-        color=options.color,
-        arrows=options.arrows,
-        window=options.window,
-        video=options.video,
-        save=options.save,
-    )
+    look = {name: getattr(options, name) for name in ("color", "arrows", "window", "video")}
+    return run(sim, options.seconds, options.log, save=options.save, **look)
 
 
 def _scene(name: str, assignments: list[str]) -> scenes.Scene:

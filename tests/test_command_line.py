@@ -14,7 +14,9 @@ def test_run_logs_densities_and_pressures(capsys):
 
 def test_every_assignment_counts_and_words_are_values(monkeypatch):
     made = []
-    monkeypatch.setattr("sph_gym.run.run", lambda sim, **options: made.append(sim.scene) or 0)
+    monkeypatch.setattr(
+        "sph_gym.run.run", lambda sim, *rest, **options: made.append(sim.scene) or 0
+    )
     command = ["run", "droplet", "--set", "dx=0.04", "side=1", "--set", "shape=ellipse"]
     assert main([*command, "--set", "dx=0.05"]) == 0
     assert made[0].dx == 0.05

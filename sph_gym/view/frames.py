@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.view import colors
-from sph_gym.view.layout import LINE, arrange
+from sph_gym.view.layout import LINE, N_LINES, arrange
 from sph_gym.view.overlays import (
     arrow_carriers,
     arrow_length,
@@ -36,8 +36,7 @@ class Painter:
     """Paints pictures of one scene, all of the same size and of the same part of space.
 
     scene: what will be shown; size: width [pixels], from which the height follows, or (width,
-    height); color: a key of `QUANTITIES`; arrows: whether to draw the forces per mass;
-    n_lines: rows of text to keep free (three rows of text always fit, the controls included).
+    height); color: a key of `QUANTITIES`; arrows: whether to draw the forces per mass.
     `color` and `arrows` may be changed at any time. Needs no display and touches none.
 
     Raises ValueError for an unknown colour and for sizes that leave no room for the fluid.
@@ -49,14 +48,13 @@ class Painter:
         size: int | tuple[int, int] = 640,
         color: str = "speed",
         arrows: bool = False,
-        n_lines: int = 2,
     ) -> None:
         if not isinstance(scene, Scene):
             raise ValueError(f"scene: expected a Scene, got {scene!r}")
         self.scene = scene
         self.color = color
         self.arrows = arrows
-        self.layout = arrange(scene, size, n_lines)
+        self.layout = arrange(scene, size)
         spacing = scene.dx * self.layout.scale
         self._diameter = max(spacing + OVERLAP, SMALLEST)
         self._discs: dict[str, Discs] = {}
@@ -90,8 +88,8 @@ class Painter:
     ) -> NDArray[np.uint8]:
         """Return a new picture, (height, width, 3), of the present state.
 
-        title: above the fluid, by default the scene's name; lines: shown below the controls.
-        Raises ValueError if there are more lines than rows were kept free.
+        title: above the fluid, by default the scene's name; lines: at most two, shown below the
+        controls. Raises ValueError for more lines.
         """
         surface = self.draw(sim, title, lines)
         data = load().image.tobytes(surface, "RGB")
@@ -100,11 +98,8 @@ class Painter:
 
     def draw(self, sim: Simulation, title: str = "", lines: Sequence[str] = ()) -> "Surface":
         """Paint onto the painter's own surface, which holds the picture until the next one."""
-        if len(lines) > self.layout.n_lines:
-            raise ValueError(
-                f"lines: expected at most {self.layout.n_lines} (Painter(n_lines=...) makes "
-                f"room for more), got {len(lines)}"
-            )
+        if len(lines) > N_LINES:
+            raise ValueError(f"lines: expected at most {N_LINES}, got {len(lines)}")
         x = sim.x
         self._draw_backdrop(x[sim.n_fluid :])
         unit = self._draw_fluid(sim, x[: sim.n_fluid])

@@ -20,6 +20,8 @@ MIN_DOMAIN = 48
 FLATTEST, TALLEST = 0.15, 0.7
 # One line of text and one setting of the controls [em].
 LINE, FIELD = 1.6, 8.0
+# Rows of text that are kept free besides those of the controls.
+N_LINES = 2
 
 
 class View(NamedTuple):
@@ -55,7 +57,7 @@ class Layout(NamedTuple):
 
     size: width and height [pixels], both even; em: size of the text [pixels]; domain: where the
     fluid is seen; footer: what is left for text below it; color_bar: its right-hand end;
-    view: what the domain shows [m]; scale: [pixels/m]; n_lines: rows for extra text.
+    view: what the domain shows [m]; scale: [pixels/m].
     """
 
     size: tuple[int, int]
@@ -65,7 +67,6 @@ class Layout(NamedTuple):
     color_bar: Area
     view: View
     scale: float
-    n_lines: int
 
     def pixels(self, x: NDArray[Any]) -> NDArray[np.float64]:
         """Return (n, 2) positions [m] as (n, 2) pixels from the domain's upper left corner."""
@@ -96,22 +97,18 @@ def view_bounds(scene: Scene) -> View:
     return View(x_min - margin, x_max + margin, y_min - margin, y_max + margin)
 
 
-def arrange(scene: Scene, size: int | tuple[int, int], n_lines: int) -> Layout:
+def arrange(scene: Scene, size: int | tuple[int, int]) -> Layout:
     """Return the layout of a picture of a scene.
 
     size: width [pixels], from which the height follows, or width and height; odd numbers are
-    rounded up. n_lines: rows of text to keep free besides that of the controls. Raises
-    ValueError for sizes that leave no room, and for a negative number of lines.
+    rounded up. Raises ValueError for sizes that leave no room.
     """
     width, height = requested(size)
-    if not isinstance(n_lines, int) or n_lines < 0:
-        raise ValueError(f"n_lines: expected a whole number of at least 0, got {n_lines!r}")
     em = max(9, round(5 + width / 90))
     room = width - 2 * em
     bar_width = min(max(round(0.36 * width), 9 * em), 22 * em)
     text_width = room - bar_width - 2 * em
-    first = control_rows(text_width, em)
-    n_rows = max(3, first + n_lines)
+    n_rows = control_rows(text_width, em) + N_LINES
     header, footer = round(2.4 * em), round((1.1 + LINE * n_rows) * em)
     bounds = view_bounds(scene)
     height = total_height(height, header + footer, room * bounds.height / bounds.width, room)
@@ -126,7 +123,6 @@ def arrange(scene: Scene, size: int | tuple[int, int], n_lines: int) -> Layout:
         Area(width - em - bar_width, below, bar_width, height - below),
         widened(bounds, room / scale, domain.height / scale, scene.walls is not None),
         scale,
-        n_rows - first,
     )
 
 

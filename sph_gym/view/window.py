@@ -31,7 +31,7 @@ FASTEST = 60.0
 class Window:
     """Shows a scene in motion: call `show` after every frame, in real time or slower.
 
-    scene: what will be shown; size, color, arrows, n_lines: as for `Painter`.
+    scene: what will be shown; size, color, arrows: as for `Painter`.
 
     Keys: space pauses and goes on, S or the right arrow goes one frame further, C takes the next
     quantity for the colours, N colours by neighbours and back, F draws the forces, P saves the
@@ -50,15 +50,14 @@ class Window:
         size: int | tuple[int, int] = 960,
         color: str = "speed",
         arrows: bool = False,
-        n_lines: int = 2,
     ) -> None:
-        self._size, self._n_lines = size, n_lines
+        self._size = size
         self.paused = False
         self._one_step = False
         self._notice = ""
         self._closed = False
         self._shown: tuple[Simulation, tuple[str, ...], str]
-        self._painter = Painter(scene, size, color, arrows, n_lines)
+        self._painter = Painter(scene, size, color, arrows)
         self._color_before = color
         before = Window._latest() if Window._latest is not None else None
         if before is not None:
@@ -130,7 +129,7 @@ class Window:
 
     def _follow(self, scene: Scene) -> None:
         old = self._painter
-        self._painter = Painter(scene, self._size, old.color, old.arrows, self._n_lines)
+        self._painter = Painter(scene, self._size, old.color, old.arrows)
         if self._painter.size != old.size:
             self._open()
         load().display.set_caption(scene.name)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sph_gym import scenes
-from sph_gym.view.layout import arrange, view_bounds
+from sph_gym.view.layout import LINE, N_LINES, arrange, control_rows, view_bounds
 from tests.view.conftest import user_scene
 
 
@@ -12,7 +12,7 @@ from tests.view.conftest import user_scene
 @pytest.mark.parametrize("width", [240, 320, 641, 1280])
 def test_pictures_have_even_sizes_and_hold_the_whole_scene(name, width):
     scene = scenes.make(name)
-    layout = arrange(scene, width, n_lines=2)
+    layout = arrange(scene, width)
     assert layout.size[0] == width + width % 2
     assert layout.size[1] % 2 == 0
     everything = np.asarray(scene.x)
@@ -24,7 +24,7 @@ def test_pictures_have_even_sizes_and_hold_the_whole_scene(name, width):
 
 
 def test_one_metre_is_as_long_upwards_as_sideways():
-    layout = arrange(scenes.make("dam_break"), (800, 600), n_lines=0)
+    layout = arrange(scenes.make("dam_break"), (800, 600))
     origin, right, up = layout.pixels(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
     np.testing.assert_allclose(right - origin, [layout.scale, 0.0], atol=1e-9)
     np.testing.assert_allclose(up - origin, [0.0, -layout.scale], atol=1e-9)
@@ -50,11 +50,12 @@ def test_an_open_side_ends_where_the_particles_do():
     assert bounds.height < 1.0
 
 
-@pytest.mark.parametrize("n_lines", [0, 2, 7])
-def test_lines_are_kept_free(n_lines):
-    layout = arrange(scenes.make("dam_break"), 320, n_lines)
-    assert layout.n_lines >= n_lines
+@pytest.mark.parametrize("width", [240, 320, 640, 1280])
+def test_lines_are_kept_free(width):
+    layout = arrange(scenes.make("dam_break"), width)
     below = layout.footer
+    n_rows = control_rows(below.width, layout.em) + N_LINES
+    assert below.height >= n_rows * LINE * layout.em
     assert below.top + below.height == layout.size[1]
     assert layout.footer.left + layout.footer.width < layout.color_bar.left
 
@@ -62,10 +63,4 @@ def test_lines_are_kept_free(n_lines):
 @pytest.mark.parametrize("size", [100, (640,) * 3, (640, 60), "640", 640.0, (640.0, 480), None])
 def test_sizes_that_make_no_picture(size):
     with pytest.raises(ValueError, match="size: expected"):
-        arrange(scenes.make("dam_break"), size, n_lines=2)
-
-
-@pytest.mark.parametrize("n_lines", [-1, 1.5])
-def test_numbers_of_lines_that_make_no_sense(n_lines):
-    with pytest.raises(ValueError, match="n_lines: expected"):
-        arrange(scenes.make("dam_break"), 640, n_lines)
+        arrange(scenes.make("dam_break"), size)

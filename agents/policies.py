@@ -10,48 +10,22 @@ from numpy.typing import NDArray
 from sph_gym.controllers import ArticleCfl, Controller, Network, Static, TunedCfl, nominal
 from sph_gym.env.actions import Discrete
 from sph_gym.env.oracle import Oracle
+from sph_gym.solver.checks import known
 
 # (environment, observation) -> action
 Policy = Callable[[gym.Env[Any, Any], NDArray[np.float32]], Any]
-
-LEARNED = ("ppo", "sac", "dqn")
-NAMES = ("random", "default", "cfl", "tuned_cfl", "grid_search", "lookahead", *LEARNED)
 
 
 class Spec(NamedTuple):
     """An agent as plain data.
 
-    name: one of NAMES; settings: Courant multiple, sound speed / c0 and xsph of "grid_search";
+    name: one of AGENTS; settings: Courant multiple, sound speed / c0 and xsph of "grid_search";
     network: file of a learned agent's exported network.
     """
 
     name: str
     settings: tuple[float, float, float] | None = None
     network: str | None = None
-
-
-# Agents that need nothing but the seed of the episode.
-RULES: dict[str, Callable[[int], Policy]] = {
-    "random": lambda seed: draw_at_random(seed),
-    "default": lambda seed: follow(nominal),
-    "cfl": lambda seed: follow(ArticleCfl()),
-    "tuned_cfl": lambda seed: follow(TunedCfl()),
-    "lookahead": lambda seed: Oracle(),
-}
-
-
-def build(spec: Spec, seed: int) -> Policy:
-    """Return the policy of an agent; the seed is that of the episode.
-
-    Raises ValueError for unknown names, missing settings, and files that are no networks.
-    """
-    if spec.name in RULES:
-        return RULES[spec.name](seed)
-    if spec.name == "grid_search" and spec.settings is not None:
-        return follow(Static(*spec.settings))
-    if spec.name in LEARNED and spec.network is not None:
-        return play_network(Network.load(spec.network))
-    raise ValueError(f"agent: expected one of {', '.join(NAMES)} with its settings, got {spec}")
 
 
 def draw_at_random(seed: int) -> Policy:
@@ -81,3 +55,37 @@ def play_network(network: Network) -> Policy:
         return Discrete().act(choice, tuning.episode.coordinates).astype(np.float32)
 
     return act
+
+
+def _play_static(spec: Spec) -> Policy:
+    if spec.settings is None:
+        raise ValueError("agent: grid_search needs its settings")
+    return follow(Static(*spec.settings))
+
+
+def _play_trained(spec: Spec) -> Policy:
+    if spec.network is None:
+        raise ValueError(f"agent: {spec.name} needs its network")
+    return play_network(Network.load(spec.network))
+
+
+LEARNED = ("ppo", "sac", "dqn")
+# The one list of agents: what makes a policy of a spec and the seed of the episode.
+AGENTS: dict[str, Callable[[Spec, int], Policy]] = {
+    "random": lambda spec, seed: draw_at_random(seed),
+    "default": lambda spec, seed: follow(nominal),
+    "cfl": lambda spec, seed: follow(ArticleCfl()),
+    "tuned_cfl": lambda spec, seed: follow(TunedCfl()),
+    "grid_search": lambda spec, seed: _play_static(spec),
+    "lookahead": lambda spec, seed: Oracle(),
+    **dict.fromkeys(LEARNED, lambda spec, seed: _play_trained(spec)),
+}
+NAMES = tuple(AGENTS)
+
+
+def build(spec: Spec, seed: int) -> Policy:
+    """Return the policy of an agent; the seed is that of the episode.
+
+    Raises ValueError for unknown names, missing settings, and files that are no networks.
+    """
+    return AGENTS[known("agent", spec.name, NAMES)](spec, seed)

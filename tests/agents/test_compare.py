@@ -76,9 +76,16 @@ def test_every_shipped_network_loads_and_fits():
         assert action.shape == (3,)
 
 
-@pytest.mark.parametrize("spec", [Spec("nobody"), Spec("grid_search"), Spec("ppo")])
-def test_incomplete_specs_are_refused(spec):
-    with pytest.raises(ValueError, match=", ".join(NAMES)):
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        (Spec("nobody"), f"expected one of {', '.join(NAMES)}, got 'nobody'"),
+        (Spec("grid_search"), "grid_search needs its settings"),
+        (Spec("ppo"), "ppo needs its network"),
+    ],
+)
+def test_incomplete_specs_are_refused(spec, message):
+    with pytest.raises(ValueError, match=message):
         build(spec, 0)
 
 

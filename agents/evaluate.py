@@ -132,7 +132,7 @@ def evaluate(
 def _about(job: Job) -> dict[str, Any]:
     """Return the columns that identify an episode.
 
-    A network counts by its content: one that is trained anew lies where the old one lay.
+    A network counts by its content: a new training writes it to the same path.
     """
     settings = str(job.spec.settings or "")
     if job.spec.network is not None:

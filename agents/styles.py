@@ -1,4 +1,4 @@
-"""How each agent is drawn: its label, colour and marker, and the sentence that explains it."""
+"""Styles of the agents in plots and tables, and a sentence about each."""
 
 from typing import NamedTuple
 

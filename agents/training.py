@@ -1,4 +1,4 @@
-"""What PPO, SAC and DQN share: environments, checkpoints, evaluation, interruption, export."""
+"""Shared parts of PPO, SAC and DQN: environments, checkpoints, evaluation, interruption, export."""
 
 import shutil
 import sys
@@ -50,7 +50,7 @@ class TrainingArgs:
         "checkpoints are pickles: loading one runs whatever code is in it; say that they are yours",
         False,
     )
-    ship: bool = option("also put the best network into the package, for everybody to use", False)
+    ship: bool = option("also put the best network into the package", False)
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Training:
 
     @property
     def folder(self) -> Path:
-        """Where the training keeps its files."""
+        """Folder of everything that the training writes."""
         return self.args.output / f"{self.algorithm}_{self.args.scene}"
 
     def make_envs(self) -> TuningVecEnv:
@@ -227,7 +227,7 @@ def recall(evaluation: EvalCallback, log: Path) -> None:
     except FileNotFoundError:
         return
     except Exception as error:  # zipfile.BadZipFile and what else a torn file can raise
-        warnings.warn(f"{log} is damaged, evaluations begin anew: {error}", stacklevel=2)
+        warnings.warn(f"{log} is damaged, evaluations start again: {error}", stacklevel=2)
         return
     evaluation.best_mean_reward = float(results.mean(axis=1).max())
     if results.shape[1] == evaluation.n_eval_episodes:

@@ -23,7 +23,7 @@ def test_every_assignment_counts_and_words_are_values(monkeypatch):
     assert not droplet.is_square(made[0])
 
 
-def test_run_tells_of_a_blowup(capsys):
+def test_run_reports_a_blowup(capsys):
     status = main(["run", "hydrostatic_tank", "--set", "dx=0.08", "--dt", "0.05"])
     assert status == 1
     assert "blew up: cause cfl" in capsys.readouterr().out

@@ -69,19 +69,19 @@ def test_what_is_read_is_what_was_there(tmp_path, suffix, dtype):
     assert [file.name for file in tmp_path.iterdir()] == [f"run{suffix}"]
 
 
-def assert_told(told, value):
-    """That `told` names everything in `value`, dataclasses and their fields too."""
+def assert_stored(stored, value):
+    """That `stored` names everything in `value`, dataclasses and their fields too."""
     if is_dataclass(value):
-        assert told["class"] == type(value).__name__
-        assert set(told) == {"class"} | {part.name for part in fields(value)}
+        assert stored["class"] == type(value).__name__
+        assert set(stored) == {"class"} | {part.name for part in fields(value)}
         for part in fields(value):
-            assert_told(told[part.name], getattr(value, part.name))
+            assert_stored(stored[part.name], getattr(value, part.name))
     elif isinstance(value, np.ndarray):
-        np.testing.assert_array_equal(told, value)
+        np.testing.assert_array_equal(stored, value)
     elif isinstance(value, Controls):
-        assert told == value._asdict()
+        assert stored == value._asdict()
     else:
-        assert told == (list(value) if isinstance(value, tuple) else value)
+        assert stored == (list(value) if isinstance(value, tuple) else value)
 
 
 @pytest.mark.parametrize("suffix", ONE_FILE)
@@ -90,18 +90,18 @@ def test_all_parameters_are_in_the_file(tmp_path, suffix):
     sim = simulation("float32")
     nominal = sim.nominal_controls
     record(tmp_path / f"run{suffix}", sim)
-    told = read(tmp_path / f"run{suffix}").parameters
-    assert_told(told["scene"], sim.scene)
-    assert told["scene"]["walls"]["box"][3] == np.inf
-    assert told["scene"]["effects"]["gravity"]["ramp"] == 0.1
-    assert told["dtype"] == "float32"
-    assert told["neighbors"] == "grid"
-    assert told["mass"] == sim.mass
-    assert told["nominal_controls"] == nominal._asdict()
-    assert told["kind"].tolist() == [0] * sim.n_fluid + [1] * (sim.n_particles - sim.n_fluid)
-    assert told["sph_gym"] == sph_gym.__version__
-    assert told["numpy"] == np.__version__
-    assert told["numba"] == numba.__version__
+    stored = read(tmp_path / f"run{suffix}").parameters
+    assert_stored(stored["scene"], sim.scene)
+    assert stored["scene"]["walls"]["box"][3] == np.inf
+    assert stored["scene"]["effects"]["gravity"]["ramp"] == 0.1
+    assert stored["dtype"] == "float32"
+    assert stored["neighbors"] == "grid"
+    assert stored["mass"] == sim.mass
+    assert stored["nominal_controls"] == nominal._asdict()
+    assert stored["kind"].tolist() == [0] * sim.n_fluid + [1] * (sim.n_particles - sim.n_fluid)
+    assert stored["sph_gym"] == sph_gym.__version__
+    assert stored["numpy"] == np.__version__
+    assert stored["numba"] == numba.__version__
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Odd:
 
 
 @pytest.mark.parametrize("suffix", ONE_FILE)
-def test_parameters_of_any_make_are_told(tmp_path, suffix):
+def test_parameters_of_any_make_are_stored(tmp_path, suffix):
     need(suffix)
     sim = simulation()
     parts = Part(np.arange(3.0)), Part(np.zeros((0, 2)), False)
@@ -130,16 +130,16 @@ def test_parameters_of_any_make_are_told(tmp_path, suffix):
     object.__setattr__(sim.scene, "effects", odd)
     with Recorder(tmp_path / f"run{suffix}", sim) as recorder:
         recorder.record()
-    told = read(tmp_path / f"run{suffix}").parameters["scene"]["effects"]
-    assert told["parts"][0]["weights"].tolist() == [0, 1, 2]
-    assert told["parts"][1]["weights"].shape == (0, 2)
-    assert [part["on"] for part in told["parts"]] == [True, False]
-    assert told["limit"] == np.inf
-    assert told["nothing"] is None
-    assert told["names"] == ["a", "ä"]
-    assert told["table"] == {"1": [0.1, None]}
-    assert told["count"] == 3
-    assert told["law"] == repr(len)
+    stored = read(tmp_path / f"run{suffix}").parameters["scene"]["effects"]
+    assert stored["parts"][0]["weights"].tolist() == [0, 1, 2]
+    assert stored["parts"][1]["weights"].shape == (0, 2)
+    assert [part["on"] for part in stored["parts"]] == [True, False]
+    assert stored["limit"] == np.inf
+    assert stored["nothing"] is None
+    assert stored["names"] == ["a", "ä"]
+    assert stored["table"] == {"1": [0.1, None]}
+    assert stored["count"] == 3
+    assert stored["law"] == repr(len)
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
@@ -189,8 +189,8 @@ def test_the_index_lists_the_times_from_the_first_frame_on(tmp_path):
 def test_the_parameters_are_beside_the_frames(tmp_path):
     need(".pvd")
     record(tmp_path / "run.pvd", simulation(), n_frames=0)
-    told = json.loads((tmp_path / "run" / "parameters.json").read_text())
-    assert told["scene"]["effects"]["gravity"] == {
+    stored = json.loads((tmp_path / "run" / "parameters.json").read_text())
+    assert stored["scene"]["effects"]["gravity"] == {
         "class": "Gravity",
         "x": 0.0,
         "y": -9.81,
@@ -357,7 +357,7 @@ def test_the_command_line_names_the_formats(tmp_path, capsys):
     assert "expected one of .npz, .h5, .hdf5, .pvd" in capsys.readouterr().err
 
 
-def test_a_file_in_the_place_of_the_folder_is_told_of_at_once(tmp_path):
+def test_a_file_in_the_place_of_the_folder_is_an_error_at_once(tmp_path):
     need(".pvd")
     (tmp_path / "run").write_text("mine")
     with pytest.raises(FileExistsError, match="path: expected a folder"):

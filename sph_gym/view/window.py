@@ -70,7 +70,7 @@ class Window:
 
     @property
     def closed(self) -> bool:
-        """Whether the window is gone: closed by key, by mouse, by `close`, or with the display."""
+        """True once the window is gone, by key, mouse or `close`, or with the display."""
         return self._closed or load().display.get_surface() is None
 
     def show(self, sim: Simulation, lines: Sequence[str] = (), title: str = "") -> None:

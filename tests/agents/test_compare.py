@@ -48,7 +48,7 @@ def test_reported_returns_are_the_sum_of_their_terms(folder):
     assert np.allclose(runs["return"], terms)
 
 
-def test_the_shipped_policy_beats_the_tuned_rule_and_dice_are_last(folder):
+def test_the_shipped_policy_beats_the_tuned_rule_and_random_is_last(folder):
     table = pd.read_csv(folder / "table.csv").set_index("agent")["return"]
     assert table["ppo"] > table["tuned_cfl"] > table["random"]
 
@@ -60,12 +60,12 @@ def test_rules_act_within_the_space(name):
     assert env.action_space.contains(build(Spec(name), 0)(env, observation))
 
 
-def test_dice_are_thrown_by_their_seed():
+def test_random_actions_follow_their_seed():
     env = gym.make(env_id("relaxation"), dx=0.08)
     observation, _ = env.reset(seed=0)
-    thrown = [build(Spec("random"), seed)(env, observation) for seed in (1, 1, 2)]
-    assert np.array_equal(thrown[0], thrown[1])
-    assert not np.array_equal(thrown[0], thrown[2])
+    drawn = [build(Spec("random"), seed)(env, observation) for seed in (1, 1, 2)]
+    assert np.array_equal(drawn[0], drawn[1])
+    assert not np.array_equal(drawn[0], drawn[2])
 
 
 def test_every_shipped_network_loads_and_fits():
@@ -146,7 +146,7 @@ def test_networks_come_in_pairs_of_agent_and_file(tmp_path):
             compare.specs(compare.ComparisonArgs(agents=("sac",), networks=networks))
 
 
-def test_shifts_are_told_apart(tmp_path, capsys):
+def test_each_shift_has_a_summary(tmp_path, capsys):
     arguments = evaluate.EvaluationArgs("relaxation", "ood", 5, tmp_path)
     evaluate.play_agent(Spec("default"), arguments)
     assert "by what is out of distribution" in capsys.readouterr().out

@@ -38,7 +38,7 @@ def test_branches_that_are_the_same_take_one_place():
     assert sorted(seen) == [-1, 0, 1]
 
 
-def test_it_looks_no_further_than_it_is_told():
+def test_depth_limits_the_moves():
     assert len(search(depth=2, width=5).moves) == 2
 
 

@@ -23,7 +23,7 @@ def domain(painter, picture):
 
 
 @pytest.mark.parametrize("size", [320, 640, (500, 401)])
-def test_a_picture_is_an_array_of_bytes_of_the_size_that_was_told(size, late):
+def test_a_picture_is_an_array_of_bytes_of_the_wanted_size(size, late):
     painter = Painter(late.scene, size)
     picture = painter.paint(late)
     width, height = painter.size
@@ -66,7 +66,7 @@ def test_speed_keeps_its_range_over_a_run(early, late):
     np.testing.assert_array_equal(first, second)
 
 
-def test_text_tells_the_controls_the_title_and_the_lines():
+def test_text_shows_the_controls_the_title_and_the_lines():
     sim = Simulation(scenes.make("dam_break", dx=0.05))
     painter = Painter(sim.scene)
     pictures = [painter.paint(sim), painter.paint(sim, title="T"), painter.paint(sim, lines=["a"])]
@@ -161,7 +161,7 @@ def test_discs_have_their_area_and_their_centre(diameter):
         (2, "2.00 s"),
     ],
 )
-def test_time_steps_are_told_in_a_unit_that_suits_them(dt, text):
+def test_time_steps_have_a_unit_that_suits_them(dt, text):
     assert seconds(dt) == text
 
 

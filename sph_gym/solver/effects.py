@@ -410,9 +410,8 @@ def add_density_diffusion(effect, pair, growth):
 # --- All of them ----------------------------------------------------------------------------
 
 # The numbers of the effects of a scene as the compiled loops take them; None where absent.
-ActiveEffects: Any = namedtuple(
-    "ActiveEffects", [each.name for each in EFFECTS], defaults=[None] * len(EFFECTS)
-)
+_NAMES = [each.name for each in EFFECTS]
+ActiveEffects: Any = namedtuple("ActiveEffects", _NAMES, defaults=[None] * len(_NAMES))  # type: ignore[misc]
 
 
 def active_effects(given: Given, number: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver import boundary, diagnostics, stepping, teams
-from sph_gym.solver.diagnostics import ALL, FORCES, NEIGHBORS, Request
+from sph_gym.solver.diagnostics import FORCES, NEIGHBORS, Request
 from sph_gym.solver.integrators import INTEGRATORS, KEEPING_RATES
 from sph_gym.solver.model import DT, control_row, make_model
 from sph_gym.solver.neighbors import Lists, make_lists, make_sorting
@@ -20,6 +20,7 @@ from sph_gym.solver.state import (
     allocate_particles,
     column,
     empty_like,
+    state_like,
 )
 from sph_gym.solver.stepping import (
     BAD,
@@ -80,7 +81,7 @@ class Engine:
         self.world = World(
             fluid=empty_like(fluid),
             spare=fluid,
-            backup=empty_like(fluid._replace(rho=None, stress=None, nx=None, ny=None)),
+            backup=state_like(fluid),
             start=np.zeros(n_cells + 1, np.int32),
             walls=None if walls is None else empty_like(walls),
             wall_source=walls,
@@ -270,7 +271,7 @@ class Engine:
 
     def survey(self, stale: bool, request: Request) -> diagnostics.Survey:
         """Return measures that take a look at every particle; `accelerations` first if `stale`."""
-        return diagnostics.Survey(*self._examine(stale, request._replace(wanted=ALL)).tolist())
+        return diagnostics.Survey(*self._examine(stale, request).tolist())
 
     def _examine(self, stale: bool, request: Request) -> NDArray[np.float64]:
         if self._columns is None:

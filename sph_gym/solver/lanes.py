@@ -696,7 +696,8 @@ def replaced(value: Any, name: str, part: Any) -> Any:
 def _replaced_typing(value: Any, name: Any, part: Any) -> Any:
     if not (isinstance(value, types.BaseNamedTuple) and isinstance(name, types.StringLiteral)):
         return None
-    own = value.types[value.fields.index(name.literal_value)]
+    kinds: Any = value
+    own = kinds.types[kinds.fields.index(name.literal_value)]
     return signature(value, value, name, own)
 
 

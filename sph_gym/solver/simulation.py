@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, failure, stepping, teams
 from sph_gym.solver.checks import known, number, positive, whole
-from sph_gym.solver.diagnostics import Request
+from sph_gym.solver.diagnostics import ALL, Request
 from sph_gym.solver.energy import GravityWork, Ledger
 from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity
@@ -425,9 +425,9 @@ class Simulation:
         """
         totals, scene, (x, y) = self._totals, self.scene, self._shift
         gravity = scene.effects.gravity_at(self.time)
-        request = Request(
-            0.0, self.time, *gravity, *totals[2:4], clumped=diagnostics.CLUMPED * scene.dx
-        )
+        gx, gy = gravity.tolist()
+        clumped = diagnostics.CLUMPED * scene.dx
+        request = Request(ALL, self.time, gx, gy, totals.com_x, totals.com_y, clumped)
         survey = self.engine.survey(self._acceleration is None, request)
         self._acceleration = self.engine.known_accelerations()
         return {

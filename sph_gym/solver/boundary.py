@@ -38,11 +38,11 @@ from sph_gym.solver.periodic import nearest_image, wrap_far
 
 
 @jitable
-def move_walls(stroke, source, rest, moves, constants, time):
+def move_walls(stroke, source, constants, time):
     """Move boundary particles to where they are at a time [s]. Return whether any move."""
     if stroke is None:
         return False
-    _displace(source, rest, moves, constants, stroke, time)
+    _displace(source.particles, source.rest, source.moves, constants, stroke, time)
     return True
 
 
@@ -97,23 +97,23 @@ class Ghosts(NamedTuple):
 
 @dispatch
 def visit(
-    task: Any, i: int, n: int, begin: int, end: int, world: Any, model: Any, time: Any
+    task: Any, i: int, n: int, begin: int, end: int, cells: Any, model: Any, time: Any
 ) -> Any:
     """Do a task for the n boundary particles from i on, with the listed neighbours."""
 
 
 @jitable
-def visit_groups(task, part, sources, start, world, model, grid, time):
+def visit_groups(task, part, sources, start, cells, model, grid, time):
     """Do a task for a part of the boundary particles, group by group.
 
     part: first and last-plus-one particle, begin and room of the list that is used meanwhile;
     sources, start: the particles among which neighbours are searched. Return whether the list
     was too short.
     """
-    walls, lists, constants = world.walls, world.lists, model.constants
+    walls, lists, constants = cells.walls, cells.lists, model.constants
     first, last, begin, room = part
     for row in range(grid.n_rows):
-        low, high = row_range(grid, world.wall_start, row)
+        low, high = row_range(grid, cells.wall_start, row)
         i, high = max(low, first), min(high, last)
         while i < high:
             n = rest_of_block(i - low, width(walls.x), high - i)
@@ -121,72 +121,72 @@ def visit_groups(task, part, sources, start, world, model, grid, time):
             end = collect_images(constants, box, grid, start, sources, lists, begin, room)
             if end > room:
                 return True
-            visit(task, i, n, begin, end, world, model, time)
+            visit(task, i, n, begin, end, cells, model, time)
             i += n
     return False
 
 
 @jitable
-def compute_wall_density(walls, rank, n_threads, world, model, grid):
+def compute_wall_density(walls, rank, n_threads, cells, model, grid):
     """Compute densities of boundary particles like fluid. Return whether the list was too short."""
     if walls is None:
         return False
-    first, last = own_blocks(grid, world.wall_start, walls.id.size, width(walls.x), rank, n_threads)
-    begin, room = own_part(world.lists, rank, n_threads)
+    first, last = own_blocks(grid, cells.wall_start, walls.id.size, width(walls.x), rank, n_threads)
+    begin, room = own_part(cells.lists, rank, n_threads)
     part = first, last, begin, room
-    return visit_groups(LikeFluid(), part, world.fluid, world.start, world, model, grid, 0.0)
+    return visit_groups(LikeFluid(), part, cells.fluid, cells.start, cells, model, grid, 0.0)
 
 
 @jitable
-def compute_wall_sums(walls, n_threads, world, model, grid):
+def compute_wall_sums(walls, n_threads, cells, model, grid):
     """Compute kernel sums of boundary particles over each other, in thread 0.
 
     Return whether the list was too short.
     """
     if walls is None:
         return False
-    begin, room = own_part(world.lists, 0, n_threads)
+    begin, room = own_part(cells.lists, 0, n_threads)
     part = 0, walls.id.size, begin, room
-    return visit_groups(OwnSums(), part, walls, world.wall_start, world, model, grid, 0.0)
+    return visit_groups(OwnSums(), part, walls, cells.wall_start, cells, model, grid, 0.0)
 
 
 @jitable
-def extrapolate(extrapolation, rank, n_threads, begin, world, model, grid, time):
+def extrapolate(extrapolation, rank, n_threads, begin, cells, model, grid, time):
     """Give boundary particles the pressure of the fluid. Return whether the list was too short.
 
     p = (sum p W + (g - a) . sum rho r W) / sum W, the hydrostatic one; v = 2 v_wall - mean v.
     begin: end of the thread's list of the fluid. Source: Adami, Hu, Adams 2012, eqs. 22 to 28.
     """
-    walls = world.walls
-    first, last = own_blocks(grid, world.wall_start, walls.id.size, width(walls.x), rank, n_threads)
-    _, room = own_part(world.lists, rank, n_threads)
+    walls = cells.walls
+    first, last = own_blocks(grid, cells.wall_start, walls.id.size, width(walls.x), rank, n_threads)
+    _, room = own_part(cells.lists, rank, n_threads)
     part = first, last, begin, room
-    return visit_groups(extrapolation, part, world.fluid, world.start, world, model, grid, time)
+    return visit_groups(extrapolation, part, cells.fluid, cells.start, cells, model, grid, time)
 
 
 @visit.member(LikeFluid)
-def _like_fluid(task, i, n, begin, end, world, model, time):
-    walls, kernel, constants = world.walls, model.kernel, model.constants
-    x, y, total = load(walls.x, i), load(walls.y, i), load(world.wall_sums, i)
-    total = add_weights(None, world.fluid, world.lists, begin, end, kernel, constants, x, y, total)
+def _like_fluid(task, i, n, begin, end, cells, model, time):
+    walls, kernel, constants = cells.walls, model.kernel, model.constants
+    x, y, total = load(walls.x, i), load(walls.y, i), load(cells.wall_sums, i)
+    total = add_weights(None, cells.fluid, cells.lists, begin, end, kernel, constants, x, y, total)
     store_density(walls, i, n, constants.density_scale * total, model.eos)
 
 
 @visit.member(OwnSums)
-def _own_sums(task, i, n, begin, end, world, model, time):
-    walls, kernel, constants = world.walls, model.kernel, model.constants
+def _own_sums(task, i, n, begin, end, cells, model, time):
+    walls, kernel, constants = cells.walls, model.kernel, model.constants
     x, y = load(walls.x, i), load(walls.y, i)
-    total = add_weights(None, walls, world.lists, begin, end, kernel, constants, x, y, like(x, 0.0))
-    store(world.wall_sums, i, total, n)
+    total = add_weights(None, walls, cells.lists, begin, end, kernel, constants, x, y, like(x, 0.0))
+    store(cells.wall_sums, i, total, n)
 
 
 @visit.member(Extrapolation)
-def _extrapolated(task, i, n, begin, end, world, model, time):
-    walls, eos = world.walls, model.eos
+def _extrapolated(task, i, n, begin, end, cells, model, time):
+    walls, eos = cells.walls, model.eos
     x, y, u, v = load(walls.x, i), load(walls.y, i), load(walls.u, i), load(walls.v, i)
     zero = like(x, 0.0)
     ghosts = Ghosts(zero, zero, zero, zero, zero, zero)
-    ghosts = gather(world.fluid, world.lists, begin, end, model, x, y, ghosts)
+    ghosts = gather(cells.fluid, cells.lists, begin, end, model, x, y, ghosts)
     gx, gy = add_gravity(model.gravity, time, x, y, u, v, zero, zero)
     gx, gy = minus_own(walls.ax, i, gx), minus_own(walls.ay, i, gy)
     wet = ghosts.weight > like(x, task.least)

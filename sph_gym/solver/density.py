@@ -137,21 +137,21 @@ def store_normals(tension, fluid, i, n, walls, lists, constants):
 
 
 @jitable
-def compute_fluid_density(rank, n_threads, first, last, world, model, grid, dt):
+def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
     """Compute lists, rho and p / rho^2 of fluid particles first to last.
 
     Return the end of the thread's list, beyond its room if that was too short, in which case not
     all of it was done; and the first particle that is inside a wall, or -1.
     """
-    fluid, walls, lists, constants = world.fluid, world.walls, world.lists, model.constants
+    fluid, walls, lists, constants = cells.fluid, cells.walls, cells.lists, model.constants
     k, room = own_part(lists, rank, n_threads)
     walled = -1
     for row in range(grid.n_rows):
-        low, high = row_range(grid, world.start, row)
+        low, high = row_range(grid, cells.start, row)
         i, high = max(low, first), min(high, last)
         while i < high:
             n = rest_of_block(i - low, width(fluid.x), high - i)
-            n, k = list_group(world, grid, constants, i, n, k, room)
+            n, k = list_group(cells, grid, constants, i, n, k, room)
             if k > room:
                 return k, walled
             rho, of_walls = density(
@@ -167,12 +167,12 @@ def compute_fluid_density(rank, n_threads, first, last, world, model, grid, dt):
 
 
 @jitable
-def list_group(world, grid, constants, i, n, k, room):
+def list_group(cells, grid, constants, i, n, k, room):
     """Write down the neighbours of a group of at most n. Return its size and the list's end."""
-    fluid, lists = world.fluid, world.lists
+    fluid, lists = cells.fluid, cells.lists
     n, box = compact_group(fluid, i, n, constants.widest)
-    middle = collect_images(constants, box, grid, world.start, fluid, lists, k, room)
-    end = collect_images(constants, box, grid, world.wall_start, world.walls, lists, middle, room)
+    middle = collect_images(constants, box, grid, cells.start, fluid, lists, k, room)
+    end = collect_images(constants, box, grid, cells.wall_start, cells.walls, lists, middle, room)
     groups = lists.groups
     groups[4 * i + BEGIN], groups[4 * i + MIDDLE] = k, middle
     groups[4 * i + END], groups[4 * i + SIZE] = end, n

@@ -133,7 +133,7 @@ class Survey(NamedTuple):
 
 
 @jitable
-def survey(world, model, request, columns, numbers):
+def survey(cells, model, request, columns, numbers):
     """Fill `columns` from row 2 on, and `numbers` with a `Survey`, as far as is wanted.
 
     request: a `Request` as an array; columns: (4, n) ax, ay [m/s^2], squared distance to the
@@ -142,20 +142,20 @@ def survey(world, model, request, columns, numbers):
     """
     ax, ay, nearest, counts = columns[0], columns[1], columns[2], columns[3]
     if request[0] >= NEIGHBORS:
-        look_around(world, model, nearest, counts)
+        look_around(cells, model, nearest, counts)
     if request[0] >= ALL:
-        fluid, inv_rho0 = world.fluid, float(model.eos.inv_rho0)
+        fluid, inv_rho0 = cells.fluid, float(model.eos.inv_rho0)
         _survey_spacing(fluid.id.size, nearest, counts, request[6], numbers)
         _survey_forces(fluid.id.size, ax, ay, request[2], request[3], numbers)
         _survey_places(fluid, counts, inv_rho0, request[4], request[5], numbers)
 
 
 @jitable
-def look_around(world, model, nearest, number):
+def look_around(cells, model, nearest, number):
     """Fill two columns: the squared distance [m^2] to the nearest other fluid particle, and the
     number of all other particles within h.
     """
-    fluid, lists = world.fluid, world.lists
+    fluid, lists = cells.fluid, cells.lists
     i, n_fluid = 0, fluid.id.size
     while i < n_fluid:
         n = group_size(lists, i)
@@ -164,7 +164,7 @@ def look_around(world, model, nearest, number):
         begin, end = fluid_range(lists, i)
         near, others = _count(x, y, fluid, lists, begin, end, i, model, inf, zero)
         begin, end = wall_range(lists, i)
-        _, others = _count(x, y, world.walls, lists, begin, end, NO_PARTICLE, model, inf, others)
+        _, others = _count(x, y, cells.walls, lists, begin, end, NO_PARTICLE, model, inf, others)
         store(nearest, i, near, n)
         store(number, i, others, n)
         i += n

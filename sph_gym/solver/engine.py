@@ -32,6 +32,8 @@ from sph_gym.solver.stepping import (
     UNPRESSED,
     UNSORTED,
     WHOLE,
+    Cells,
+    WallSource,
     World,
 )
 from sph_gym.solver.target import n_lanes
@@ -79,19 +81,18 @@ class Engine:
         n_cells = sorting.counts.shape[1]
         per_group = n + n_walls if brute else ENTRIES_PER_GROUP
         self.world = World(
-            fluid=empty_like(fluid),
+            cells=Cells(
+                fluid=empty_like(fluid),
+                start=np.zeros(n_cells + 1, np.int32),
+                walls=None if walls is None else empty_like(walls),
+                wall_start=None if walls is None else np.zeros(n_cells + 1, np.int32),
+                wall_sums=None if walls is None else column(n_walls, dtype),
+                lists=make_lists(n, self._most, per_group / n_lanes(dtype)),
+            ),
             spare=fluid,
             backup=state_like(fluid),
-            start=np.zeros(n_cells + 1, np.int32),
-            walls=None if walls is None else empty_like(walls),
-            wall_source=walls,
-            wall_rest=None if walls is None or not _moving(scene) else _copy(walls),
-            moves=None if walls is None or not _moving(scene) else scene.walls.moves,  # type: ignore[union-attr]
-            wall_start=None if walls is None else np.zeros(n_cells + 1, np.int32),
-            wall_sums=None if walls is None else column(n_walls, dtype),
-            source_sums=None if walls is None else self._sum_walls(walls),
+            walls=self._wall_source(walls),
             sorting=sorting,
-            lists=make_lists(n, self._most, per_group / n_lanes(dtype)),
             status=np.zeros((self._most, N_STATUS), np.int64),
             team=teams.make_team(),
             totals=np.zeros(9),
@@ -102,26 +103,32 @@ class Engine:
             self.fluid.offset[:n] = scene.fluid.rho0 - self.fluid.rho[:n]
             self.renew(0.0)
 
-    def _sum_walls(self, walls: Particles) -> NDArray[Any]:
-        """Return the kernel sums of boundary particles like fluid over each other.
+    def _wall_source(self, walls: Particles | None) -> WallSource:
+        """Return boundary particles with what is known of them beforehand.
 
-        Walls that move sum anew in every step; those with the fluid's pressure need no sum.
+        Those that are like fluid sum their densities over each other once; walls that move do it
+        anew in every step; those with the fluid's pressure need no sum.
         """
+        if walls is None:
+            return WallSource(None, None, None, None)
         sums = column(walls.id.size, self.dtype)
         if self.model.extrapolation is None:
             everyone = Lists(np.arange(walls.id.size, dtype=np.int32), np.zeros(0, np.int64))
             boundary.sum_walls(walls, everyone, sums, self.model.kernel, self.model.constants)
-        return sums
+        scene_walls = self._scene.walls
+        if scene_walls is None or scene_walls.motion is None:
+            return WallSource(walls, None, None, sums)
+        return WallSource(walls, _copy(walls), scene_walls.moves, sums)
 
     @property
     def fluid(self) -> Particles:
         """The fluid, in the order of its cells; only the first n entries of a column count."""
-        return self.world.fluid
+        return self.world.cells.fluid
 
     @property
     def walls(self) -> Particles | None:
         """The wall particles, in the order of their cells."""
-        return self.world.walls
+        return self.world.cells.walls
 
     @cached_property
     def kind(self) -> str:
@@ -173,16 +180,17 @@ class Engine:
         status = self.world.status
         status[:, STEPS], status[:, BAD], status[:, FULL], status[:, WHOLE] = 0, -1, 0, 0
         if n_threads != before and stale == FRESH:
-            self._spare_the_state(self.world.fluid)
+            self._spare_the_state(self.fluid)
             stale = UNSORTED
         self._began = stale, self.clock
         return stale
 
     def _rewind(self) -> int:
         """Go back to where a call with too short a list began. Return what is not up to date."""
-        lists = self.world.lists
-        lists = lists._replace(entries=np.zeros(2 * lists.entries.size, np.int32))
-        self.world = self.world._replace(lists=lists)
+        cells = self.world.cells
+        entries = np.zeros(2 * cells.lists.entries.size, np.int32)
+        cells = cells._replace(lists=cells.lists._replace(entries=entries))
+        self.world = self.world._replace(cells=cells)
         self._spare_the_state(self.world.backup)
         stale, self.world.clock[0] = self._began
         return UNSORTED if stale == FRESH else stale
@@ -226,7 +234,7 @@ class Engine:
 
     def renew(self, time: float) -> None:
         """Bring everything up to date with the present state, walls and controls, at a time [s]."""
-        self._spare_the_state(self.world.fluid)
+        self._spare_the_state(self.fluid)
         self._sort_spare(UNKNOWN, time)
 
     def _sort_spare(self, stale: int, time: float = 0.0) -> None:
@@ -324,10 +332,6 @@ def _rate_columns(scene: Scene) -> tuple[str, ...]:
         *(("tx", "ty") if drifts else ()),
         *(("growth",) if scene.effects.density_diffusion is not None else ()),
     )
-
-
-def _moving(scene: Scene) -> bool:
-    return scene.walls is not None and scene.walls.motion is not None
 
 
 def _wall_particles(scene: Scene, dtype: Any) -> Particles | None:

@@ -175,25 +175,26 @@ def _kicks_last(integrator):
 
 @dispatch
 def move(
-    integrator: Any, part: int, first: int, last: int, world: Any, model: Any, time: Any, dt: Any
-) -> Any:
+    integrator: Any, part: int, first: int, last: int, cells: Any, target: Any, model: Any,
+    time: Any, dt: Any,
+) -> Any:  # fmt: skip
     """Make the next move, after `part` others, of the step that began at `time` [s].
 
-    Particles first to last of `world.fluid` become those of `world.spare`. Return one of the first
+    Particles first to last of `cells.fluid` become those of `target`. Return one of the first
     of them that are no longer finite, too fast or farther than a periodic domain is long, or -1.
     """
 
 
 @move.member(SymplecticEuler)
-def _kick_and_drift(integrator, part, first, last, world, model, time, dt):
-    source, target = world.fluid, world.spare
+def _kick_and_drift(integrator, part, first, last, cells, target, model, time, dt):
+    source = cells.fluid
     # the XSPH sum is that of the velocities before the kick, so that one pair loop serves both
     for k in range(first, last):
         target.id[k] = source.id[k]
     i, bad = first, -1
     while i < last:
-        n = group_size(world.lists, i)
-        new = rates(i, source, world.walls, world.lists, model, time)
+        n = group_size(cells.lists, i)
+        new = rates(i, source, cells.walls, cells.lists, model, time)
         u, v = load(source.u, i) + dt * new.ax, load(source.v, i) + dt * new.ay
         x = load(source.x, i) + dt * (u + new.tx)
         y = load(source.y, i) + dt * (v + new.ty)
@@ -207,22 +208,23 @@ def _kick_and_drift(integrator, part, first, last, world, model, time, dt):
 
 
 @move.member(KickDriftKick)
-def _half_kick_and_drift(integrator, part, first, last, world, model, time, dt):
-    return _move_with_last_rates(first, last, world, model, time + dt, dt * 0.5, dt)
+def _half_kick_and_drift(integrator, part, first, last, cells, target, model, time, dt):
+    return _move_with_last_rates(first, last, cells.fluid, target, model, time + dt, dt * 0.5, dt)
 
 
 @move.member(PredictorCorrector)
-def _predict_or_correct(integrator, part, first, last, world, model, time, dt):
+def _predict_or_correct(integrator, part, first, last, cells, target, model, time, dt):
     half = dt * 0.5
     if part == 0:
-        return _move_with_last_rates(first, last, world, model, time + half, half, half)
-    return _correct(first, last, world, model, time, dt, half)
+        return _move_with_last_rates(
+            first, last, cells.fluid, target, model, time + half, half, half
+        )
+    return _correct(first, last, cells, target, model, time, dt, half)
 
 
 @jitable
-def _move_with_last_rates(first, last, world, model, now, kick, drift):
+def _move_with_last_rates(first, last, source, target, model, now, kick, drift):
     """v += a kick, then x += v drift, with the rates of the last evaluation; now: [s] after it."""
-    source, target = world.fluid, world.spare
     for k in range(first, last):
         target.id[k] = source.id[k]
     bad = -1
@@ -243,14 +245,14 @@ def _move_with_last_rates(first, last, world, model, now, kick, drift):
 
 
 @jitable
-def _correct(first, last, world, model, time, dt, half):
-    source, target = world.fluid, world.spare
+def _correct(first, last, cells, target, model, time, dt, half):
+    source = cells.fluid
     for k in range(first, last):
         target.id[k] = source.id[k]
     i, bad = first, -1
     while i < last:
-        n = group_size(world.lists, i)
-        new = rates(i, source, world.walls, world.lists, model, time + half)
+        n = group_size(cells.lists, i)
+        new = rates(i, source, cells.walls, cells.lists, model, time + half)
         # the state before the prediction, from the rates that it was made with
         old = load_rates(source, i, new.ax)
         u0, v0 = load(source.u, i), load(source.v, i)
@@ -275,7 +277,7 @@ def _correct(first, last, world, model, time, dt, half):
 
 @dispatch
 def end_step(
-    integrator: Any, first: int, last: int, world: Any, model: Any, time: Any, dt: Any
+    integrator: Any, first: int, last: int, cells: Any, target: Any, model: Any, time: Any, dt: Any
 ) -> Any:
     """Evaluate the rates at the end of the step from `time` to `time` + dt [s]; returns as `move`.
 
@@ -284,17 +286,17 @@ def end_step(
 
 
 @dispatch
-def settle(integrator: Any, first: int, last: int, world: Any) -> Any:
-    """Copy into `world.fluid` what `end_step` wrote, when no thread needs the old values."""
+def settle(integrator: Any, first: int, last: int, source: Any, target: Any) -> Any:
+    """Copy into `target` what `end_step` wrote, when no thread needs the old values."""
 
 
 @end_step.member(KickDriftKick)
-def _half_kick(integrator, first, last, world, model, time, dt):
-    source, target = world.fluid, world.spare
+def _half_kick(integrator, first, last, cells, target, model, time, dt):
+    source = cells.fluid
     i, bad, half = first, -1, dt * 0.5
     while i < last:
-        n = group_size(world.lists, i)
-        new = rates(i, source, world.walls, world.lists, model, time + dt)
+        n = group_size(cells.lists, i)
+        new = rates(i, source, cells.walls, cells.lists, model, time + dt)
         x, y = load(source.x, i), load(source.y, i)
         u, v = load(source.u, i) + half * new.ax, load(source.v, i) + half * new.ay
         store(target.u, i, u, n)
@@ -308,8 +310,7 @@ def _half_kick(integrator, first, last, world, model, time, dt):
 
 
 @settle.member(KickDriftKick)
-def _take_over(integrator, first, last, world):
-    source, target = world.spare, world.fluid
+def _take_over(integrator, first, last, source, target):
     for i in range(first, last, width(source.x)):
         n = min(width(source.x), last - i)
         store(target.u, i, load(source.u, i), n)
@@ -319,17 +320,17 @@ def _take_over(integrator, first, last, world):
 
 
 @end_step.member(PredictorCorrector)
-def _find_rates(integrator, first, last, world, model, time, dt):
-    source = world.fluid
+def _find_rates(integrator, first, last, cells, target, model, time, dt):
+    source = cells.fluid
     # only where a run begins or a control has changed: a step finds them out on its way
     i = first
     while i < last and dt == 0.0:
-        n = group_size(world.lists, i)
-        store_rates(source, i, rates(i, source, world.walls, world.lists, model, time), n)
+        n = group_size(cells.lists, i)
+        store_rates(source, i, rates(i, source, cells.walls, cells.lists, model, time), n)
         i += n
     return -1
 
 
 @settle.member(PredictorCorrector)
-def _settled(integrator, first, last, world):
+def _settled(integrator, first, last, source, target):
     return

@@ -1,5 +1,6 @@
-"""Compilation: `jit` for functions that Python calls, `jitable` for helpers, `dispatch` for families."""
+"""Compilation: `jit` for what Python calls, `jitable` for helpers, `dispatch` for families."""
 
+import gc
 import hashlib
 import os
 import sys
@@ -61,10 +62,15 @@ class _LightHelpers(Compiler):
         """Compile `func`; its helpers are compiled meanwhile, before its own lowering."""
         config: Any = numba.config
         previous, config.OPT = config.OPT, HELPER_OPT
+        # numba makes millions of objects, which the collector would walk through again and again
+        collecting = gc.isenabled()
+        gc.disable()
         try:
             return super().compile_extra(func)
         finally:
             config.OPT = previous
+            if collecting:
+                gc.enable()
 
     def define_pipelines(self) -> list[Any]:
         """The default pipeline with one more pass right before code is made."""

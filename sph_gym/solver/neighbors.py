@@ -170,12 +170,13 @@ def copy_state(source, target, i, k):
 
 
 @jitable
-def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start):
+def sort_into_cells(rank, n_threads, team, source, target, sorting, start):
     """Copy the state from `source` to `target` in the order of their cells.
 
     A stable counting sort, each thread moving its share. Afterwards cell c holds
     target[start[c]:start[c + 1]]. Returns False if the team was told to stop.
     """
+    grid = read_grid(sorting.frame)
     n_cells = grid.n_columns * grid.n_rows
     counts, cells = sorting.counts, sorting.cells
     for c in range(n_cells):

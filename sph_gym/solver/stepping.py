@@ -74,32 +74,48 @@ def stable_dt(
     return limit
 
 
-class World(NamedTuple):
-    """All arrays of a simulation. Absent parts are None.
+class Cells(NamedTuple):
+    """The particles in the order of their cells, and the lists of their neighbours.
 
-    fluid: the state, in the order of its cells, with densities and pressures; spare: the state
-    that the last move made, or scratch; backup: the state when the last call began; start,
-    wall_start: (n_cells + 1,) first particle of every cell; walls: in the order of the cells;
-    wall_source: in public order; wall_rest: the same before they moved, moves: (n,) 1 for those
-    that move; wall_sums, source_sums: kernel sums of wall particles over each other, in the two
-    orders; status: (n_threads, 8) int64, see the constants above; team: flags of the threads;
-    totals: (9,) of the state, see `diagnostics.Totals`; clock: (1,) time [s] of the state and of
-    the walls.
+    fluid: with densities and pressures; start, wall_start: (n_cells + 1,) first particle of every
+    cell; wall_sums: kernel sums of boundary particles over each other. Absent parts are None.
     """
 
     fluid: Particles
-    spare: Particles
-    backup: Particles
     start: Indices
     walls: Particles | None
-    wall_source: Particles | None
-    wall_rest: Particles | None
-    moves: Any
     wall_start: Indices | None
     wall_sums: Any
-    source_sums: Any
-    sorting: Sorting
     lists: Lists
+
+
+class WallSource(NamedTuple):
+    """Boundary particles in public order; all are None where there are none.
+
+    particles: as they are now; rest: the same before they moved, moves: (n,) 1 for those that
+    move, None if none do; sums: kernel sums over each other.
+    """
+
+    particles: Particles | None
+    rest: Particles | None
+    moves: Any
+    sums: Any
+
+
+class World(NamedTuple):
+    """All arrays of a simulation.
+
+    cells: the state; spare: the state that the last move made, or scratch; backup: the state when
+    the last call began; walls: what the walls of `cells` are sorted from; status: (n_threads, 8)
+    int64, see the constants above; team: flags of the threads; totals: (9,) of the state, see
+    `diagnostics.Totals`; clock: (1,) time [s] of the state and of the walls.
+    """
+
+    cells: Cells
+    spare: Particles
+    backup: Particles
+    walls: WallSource
+    sorting: Sorting
     status: Any
     team: Any
     totals: Any
@@ -111,30 +127,24 @@ class World(NamedTuple):
 
 @jitable
 def sort_all(rank, n_threads, laying, world, model, time):
-    """Sort the fluid from `spare` to `fluid` by cell, on a new grid if `laying`.
+    """Sort the fluid from `spare` to `cells`, on a new grid if `laying`.
 
     The walls are sorted only where they or the grid have moved, and always from the same order,
     so that a restored run sums in the order of the first. Return False if the team was told to
     stop.
     """
-    sorting, team, h = world.sorting, world.team, float(model.constants.h)
+    cells, sorting, team, h = world.cells, world.sorting, world.team, float(model.constants.h)
     moved = is_there(model.stroke)
     if laying or moved:
         if rank == 0:
-            moved = move_walls(
-                model.stroke, world.wall_source, world.wall_rest, world.moves, model.constants,
-                time,
-            )  # fmt: skip
+            moved = move_walls(model.stroke, world.walls, model.constants, time)
             if laying:
-                moved = lay_grid(sorting.frame, world.spare, h, world.start.size - 1) or moved
+                moved = lay_grid(sorting.frame, world.spare, h, cells.start.size - 1) or moved
             if moved:
-                _sort_walls(world.walls, rank, world)
+                _sort_walls(cells.walls, rank, cells, world.walls, sorting, team)
         if not meet(team, n_threads):
             return False
-    grid = read_grid(sorting.frame)
-    return sort_into_cells(
-        rank, n_threads, team, grid, world.spare, world.fluid, sorting, world.start
-    )  # fmt: skip
+    return sort_into_cells(rank, n_threads, team, world.spare, cells.fluid, sorting, cells.start)
 
 
 @jitable
@@ -144,35 +154,31 @@ def is_there(part):
 
 
 @jitable
-def _sort_walls(walls, rank, world):
+def _sort_walls(walls, rank, cells, source, sorting, team):
     if walls is None:
         return
-    sorting = world.sorting
-    sort_into_cells(
-        rank, rank + 1, world.team, read_grid(sorting.frame), world.wall_source, walls, sorting,
-        world.wall_start,
-    )  # fmt: skip
+    sort_into_cells(rank, rank + 1, team, source.particles, walls, sorting, cells.wall_start)
     for i in range(walls.id.size):
-        world.wall_sums[i] = world.source_sums[walls.id[i]]
+        cells.wall_sums[i] = source.sums[walls.id[i]]
 
 
 # --- Densities ------------------------------------------------------------------------------
 
 
 @jitable
-def compute_boundary(extrapolation, rank, n_threads, world, model, grid):
+def compute_boundary(extrapolation, rank, n_threads, cells, team, model, grid):
     """Compute densities of boundary particles that are like fluid.
 
     Return whether a list was too short.
     """
     if extrapolation is None:
-        full = renew_wall_sums(model.stroke, rank, n_threads, world, model, grid)
-        return full or compute_wall_density(world.walls, rank, n_threads, world, model, grid)
+        full = renew_wall_sums(model.stroke, rank, n_threads, cells, team, model, grid)
+        return full or compute_wall_density(cells.walls, rank, n_threads, cells, model, grid)
     return False
 
 
 @jitable
-def renew_wall_sums(stroke, rank, n_threads, world, model, grid):
+def renew_wall_sums(stroke, rank, n_threads, cells, team, model, grid):
     """Compute the sums of boundary particles over each other, where these move.
 
     Return whether a list was too short.
@@ -181,9 +187,9 @@ def renew_wall_sums(stroke, rank, n_threads, world, model, grid):
         return False
     full = False
     if rank == 0:
-        full = compute_wall_sums(world.walls, n_threads, world, model, grid)
+        full = compute_wall_sums(cells.walls, n_threads, cells, model, grid)
     # a failure at this barrier is found at the next one
-    meet(world.team, n_threads)
+    meet(team, n_threads)
     return full
 
 
@@ -197,33 +203,31 @@ def follow_fluid(extrapolation, rank, n_threads, world, model, grid, time):
         return True
     status = world.status
     status[rank, FULL] = extrapolate(
-        extrapolation, rank, n_threads, status[rank, LISTED], world, model, grid, time
+        extrapolation, rank, n_threads, status[rank, LISTED], world.cells, model, grid, time
     )
     return meet(world.team, n_threads) and not any_full(status, n_threads)
 
 
 @jitable
-def compute_densities(rank, n_threads, world, model, now, length):
-    """Compute lists, densities and pressures of everything at a time [s], after a sort.
+def compute_densities(rank, n_threads, cells, status, team, model, grid, length):
+    """Compute lists, densities and pressures, after a sort.
 
-    length: of the step [s]. Return False if a list was too short or the team was told to stop.
+    Boundary particles that follow the fluid come later; length: of the step [s]. Return False if
+    a list was too short or the team was told to stop.
     """
-    fluid, status = world.fluid, world.status
-    grid = read_grid(world.sorting.frame)
-    first, last = own_blocks(grid, world.start, fluid.id.size, width(fluid.x), rank, n_threads)
+    fluid = cells.fluid
+    first, last = own_blocks(grid, cells.start, fluid.id.size, width(fluid.x), rank, n_threads)
     status[rank, FIRST], status[rank, LAST] = first, last
-    full = compute_boundary(model.extrapolation, rank, n_threads, world, model, grid)
-    _, room = own_part(world.lists, rank, n_threads)
+    full = compute_boundary(model.extrapolation, rank, n_threads, cells, team, model, grid)
+    _, room = own_part(cells.lists, rank, n_threads)
     end, walled = room, -1
     if not full:
         end, walled = compute_fluid_density(
-            rank, n_threads, first, last, world, model, grid, length
+            rank, n_threads, first, last, cells, model, grid, length
         )
     status[rank, FULL], status[rank, LISTED] = full or end > room, end
     status[rank, WALLED] = walled
-    if not meet(world.team, n_threads) or any_full(status, n_threads):
-        return False
-    return follow_fluid(model.extrapolation, rank, n_threads, world, model, grid, now)
+    return meet(team, n_threads) and not any_full(status, n_threads)
 
 
 # --- Steps ----------------------------------------------------------------------------------
@@ -261,23 +265,19 @@ def any_walled(walls, status, n_threads):
 
 
 @jitable
-def back_up(rank, n_threads, stale, world):
-    """Copy a thread's share of the state with which a call begins to `backup`."""
-    first, last = share(world.fluid.id.size, rank, n_threads)
-    if stale == FRESH:
-        for i in range(first, last):
-            copy_state(world.fluid, world.backup, i, i)
-    else:
-        for i in range(first, last):
-            copy_state(world.spare, world.backup, i, i)
+def back_up(rank, n_threads, source, backup):
+    """Copy a thread's share of the state with which a call begins."""
+    first, last = share(source.id.size, rank, n_threads)
+    for i in range(first, last):
+        copy_state(source, backup, i, i)
 
 
 @jitable
-def renew_pressures(world, model):
+def renew_pressures(fluid, walls, model, totals):
     """Compute the pressures that belong to the present densities, and the totals."""
-    _press(world.fluid, model.eos)
-    _press(world.walls, model.eos)
-    sum_up(world.fluid, world.walls, model.extrapolation, model.eos, world.totals)
+    _press(fluid, model.eos)
+    _press(walls, model.eos)
+    sum_up(fluid, walls, model.extrapolation, model.eos, totals)
 
 
 @jitable
@@ -312,10 +312,11 @@ def _complete(integrator, rank, n_threads, world, model, began, length, shown):
 def _evaluate_and_settle(integrator, rank, n_threads, world, model, began, length, shown):
     status = world.status
     first, last = status[rank, FIRST], status[rank, LAST]
-    status[rank, BAD] = end_step(integrator, first, last, world, model, began, length)
+    cells, spare = world.cells, world.spare
+    status[rank, BAD] = end_step(integrator, first, last, cells, spare, model, began, length)
     if not meet(world.team, n_threads) or first_bad(status, n_threads) >= 0:
         return False
-    settle(integrator, first, last, world)
+    settle(integrator, first, last, spare, cells.fluid)
     if not meet(world.team, n_threads):
         return False
     grid = read_grid(world.sorting.frame)
@@ -347,19 +348,22 @@ def _advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
     """Run n_substeps steps of the chain: force, integration, neighbours, density, pressure.
 
     time: [s] before the first of them. A step consists of one or two moves of the particles,
-    depending on the integrator, each followed by the rest of the chain. `world.fluid` holds the
+    depending on the integrator, each followed by the rest of the chain. `cells.fluid` holds the
     state before and after, with densities, pressures and lists; `stale` says what of it is not up
     to date. When a step fails, `fluid` holds the last finite state; when a list was too short,
     `backup` holds the state to begin again from; when a particle ends within a wall, `fluid`
     holds the state with it there. `world.status` says so.
     """
-    fluid, status = world.fluid, world.status
+    cells, spare, status, team = world.cells, world.spare, world.status, world.team
     status[rank, STEPS], status[rank, BAD] = 0, -1
     status[rank, FULL], status[rank, WHOLE] = 0, 0
     if stale == UNPRESSED:
-        renew_pressures(world, model)
+        renew_pressures(cells.fluid, cells.walls, model, world.totals)
         return
-    back_up(rank, n_threads, stale, world)
+    if stale == FRESH:
+        back_up(rank, n_threads, cells.fluid, world.backup)
+    else:
+        back_up(rank, n_threads, spare, world.backup)
     n_moves = moves(model.integrator)
     last_move = n_substeps * n_moves
     for k in range(last_move + 1):
@@ -367,9 +371,9 @@ def _advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
         began, length = time + step * float(dt), dt * 1.0
         if k > 0:
             first, last = status[rank, FIRST], status[rank, LAST]
-            bad = move(model.integrator, part, first, last, world, model, began, dt)
+            bad = move(model.integrator, part, first, last, cells, spare, model, began, dt)
             status[rank, STEPS], status[rank, BAD] = step + 1, bad
-            if not meet(world.team, n_threads) or first_bad(status, n_threads) >= 0:
+            if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
                 return
         elif stale == FRESH:
             continue
@@ -381,7 +385,10 @@ def _advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
             return
         # not before all have read it
         world.clock[0] = now
-        if not compute_densities(rank, n_threads, world, model, now, length):
+        grid = read_grid(world.sorting.frame)
+        if not compute_densities(rank, n_threads, cells, status, team, model, grid, length):
+            return
+        if not follow_fluid(model.extrapolation, rank, n_threads, world, model, grid, now):
             return
         if part + 1 < n_moves:
             continue
@@ -391,12 +398,12 @@ def _advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
         ):
             return
         # a whole step that put a particle into a wall is the last one
-        if k > 0 and any_walled(world.walls, status, n_threads):
+        if k > 0 and any_walled(cells.walls, status, n_threads):
             status[rank, BAD] = status[rank, WALLED]
             break
     status[rank, WHOLE] = 1
     if rank == 0:
-        sum_up(fluid, world.walls, model.extrapolation, model.eos, world.totals)
+        sum_up(cells.fluid, cells.walls, model.extrapolation, model.eos, world.totals)
 
 
 # --- A look at the state --------------------------------------------------------------------
@@ -411,20 +418,20 @@ def examine(worlds, models, world, model, controls, stale, request, columns, num
     and, by what is wanted, squared distance to the nearest other [m^2] and number of neighbours;
     numbers: filled with a `diagnostics.Survey` if all is wanted.
     """
-    state = unpack(worlds, 0, world)
+    cells = unpack(worlds, 0, world).cells
     rules, _ = with_controls(unpack(models, 0, model), controls[0])
     if stale:
-        evaluate_acceleration(state, rules, request[1], columns[0], columns[1])
-    survey(state, rules, request, columns, numbers)
+        evaluate_acceleration(cells, rules, request[1], columns[0], columns[1])
+    survey(cells, rules, request, columns, numbers)
 
 
 @jitable
-def evaluate_acceleration(world, model, time, ax, ay):
+def evaluate_acceleration(cells, model, time, ax, ay):
     """Compute the acceleration [m/s^2] of the fluid particles, in the order of `fluid`."""
-    i, n_fluid = 0, world.fluid.id.size
-    while i < n_fluid:
-        n = group_size(world.lists, i)
-        here = rates(i, world.fluid, world.walls, world.lists, model, time)
+    i, fluid, lists = 0, cells.fluid, cells.lists
+    while i < fluid.id.size:
+        n = group_size(lists, i)
+        here = rates(i, fluid, cells.walls, lists, model, time)
         store(ax, i, here.ax, n)
         store(ay, i, here.ay, n)
         i += n

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sph_gym.solver.checks import finite_array
+from sph_gym.solver.periodic import make_period, nearest_image
 from sph_gym.solver.simulation import Simulation
-from sph_gym.solver.walls import make_period, nearest_image
 
 # Pairs of a point and a particle that are looked at together: some ten megabytes.
 CHUNK = 1_000_000

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from sph_gym.solver import stepping, teams
 from sph_gym.solver.checks import whole
 from sph_gym.solver.engine import Engine
-from sph_gym.solver.simulation import Journey, Report, Simulation
+from sph_gym.solver.model import DT
+from sph_gym.solver.simulation import Report, Simulation
 
 
 def advance_all(
@@ -24,12 +25,13 @@ def advance_all(
     """
     sims = _checked(simulations)
     most = teams.most_threads() if threads is None else whole("threads", threads, at_least=1)
-    waiting = [Journey(sim, seconds) for sim in sims]
+    for sim in sims:
+        sim.begin(seconds)
+    waiting = sorted(sims, key=_kind)
     while waiting:
-        waiting.sort(key=_kind)
         for _, alike in groupby(waiting, key=_kind):
-            _legs(list(alike), most)
-        waiting = [journey for journey in waiting if not journey.over]
+            _run_chunks(list(alike), most)
+        waiting = [sim for sim in waiting if sim.is_underway]
     return [sim.last_report for sim in sims]
 
 
@@ -43,36 +45,37 @@ def _checked(simulations: Iterable[Simulation]) -> list[Simulation]:
     return sims
 
 
-def _kind(journey: Journey) -> str:
-    return journey.sim.engine.kind
+def _kind(sim: Simulation) -> str:
+    return sim.engine.kind
 
 
-def _legs(journeys: Sequence[Journey], most: int) -> None:
-    """One leg of every journey."""
-    engines = [journey.sim.engine for journey in journeys]
-    legs = [journey.next_leg() for journey in journeys]
+def _run_chunks(sims: Sequence[Simulation], most: int) -> None:
+    """Run one chunk of every simulation."""
+    engines, chunks = [sim.engine for sim in sims], [sim.next_chunk() for sim in sims]
     try:
-        _run(engines, legs, most)
-        done = [engine.finish(*leg) for engine, leg in zip(engines, legs, strict=True)]
+        _call(engines, chunks, most)
+        done = [engine.finish(*chunk) for engine, chunk in zip(engines, chunks, strict=True)]
     except KeyboardInterrupt:
-        for journey in journeys:
-            journey.interrupt()
+        for sim in sims:
+            sim.interrupt()
         raise
-    for journey, (steps, bad) in zip(journeys, done, strict=True):
-        journey.book(steps, bad)
+    for sim, (steps, bad) in zip(sims, done, strict=True):
+        sim.finish_chunk(steps, bad)
 
 
-def _run(engines: Sequence[Engine], legs: Sequence[tuple[float, float, int]], most: int) -> None:
-    columns = np.array([(engine.begin(1), time, 0, n) for engine, (time, _, n)
-                        in zip(engines, legs, strict=True)])  # fmt: skip
-    dts = np.array([dt for _, dt, _ in legs], engines[0].dtype)
+def _call(engines: Sequence[Engine], chunks: Sequence[tuple[float, float, int]], most: int) -> None:
+    rows = np.array(
+        [(engine.begin(1), time, n) for engine, (time, _, n) in zip(engines, chunks, strict=True)]
+    )
+    controls = np.concatenate([engine.controls for engine in engines])
+    controls[:, DT] = [dt for _, dt, _ in chunks]
     worlds, models, *shapes = zip(*(engine.records() for engine in engines), strict=True)
-    work = np.array([engine.n for engine in engines]) * columns[:, 3]
+    work = np.array([engine.n for engine in engines]) * rows[:, 2]
     with teams.borrow(min(most, len(engines))) as n_threads:
         teams.run(
             stepping.advance, n_threads, teams.make_team(), _bounds(work, n_threads),
             np.concatenate(worlds), np.concatenate(models), *(shape[0] for shape in shapes),
-            columns, dts,
+            rows, controls,
         )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ MOST_PARTICLES = 1e8
 
 
 def number(name: str, value: Any) -> float:
-    """`value` as a finite float, or ValueError."""
+    """Return `value` as a finite float; else raise ValueError."""
     try:
         if isinstance(value, (bool, str, bytes)):
             raise TypeError
@@ -24,7 +25,7 @@ def number(name: str, value: Any) -> float:
 
 
 def positive(name: str, value: Any) -> float:
-    """`value` as a finite float above zero, or ValueError."""
+    """Return `value` as a finite float above zero; else raise ValueError."""
     result = number(name, value)
     if result <= 0:
         raise ValueError(f"{name}: expected a number above 0, got {value!r}")
@@ -32,7 +33,7 @@ def positive(name: str, value: Any) -> float:
 
 
 def in_range(name: str, value: Any, low: float, high: float = math.inf) -> float:
-    """`value` as a finite float in [low, high], or ValueError."""
+    """Return `value` as a finite float in [low, high]; else raise ValueError."""
     result = number(name, value)
     if not low <= result <= high:
         bounds = f"at least {low:g}" if high == math.inf else f"in [{low:g}, {high:g}]"
@@ -41,7 +42,7 @@ def in_range(name: str, value: Any, low: float, high: float = math.inf) -> float
 
 
 def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.float64]:
-    """`value` as a finite float64 array of `shape` (a letter stands for any length)."""
+    """Return `value` as a finite float64 array of `shape` (a letter stands for any length)."""
     wanted = f"({', '.join(map(str, shape))})"
     try:
         if np.iscomplexobj(value):
@@ -61,7 +62,7 @@ def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.fl
 
 
 def whole(name: str, value: Any, at_least: int = 0) -> int:
-    """`value` as an integer of at least `at_least`, or ValueError."""
+    """Return `value` as an integer of at least `at_least`; else raise ValueError."""
     result = in_range(name, value, at_least)
     if result != int(result):
         raise ValueError(f"{name}: expected a whole number, got {value!r}")
@@ -69,7 +70,7 @@ def whole(name: str, value: Any, at_least: int = 0) -> int:
 
 
 def countable(particles: float) -> None:
-    """ValueError for a region that would take more of them than fit into memory."""
+    """Raise ValueError for a region that takes more particles than fit into memory."""
     if not particles <= MOST_PARTICLES:
         raise ValueError(
             f"dx: expected at most {MOST_PARTICLES:g} particles, got {particles:.3g}; "
@@ -78,8 +79,10 @@ def countable(particles: float) -> None:
 
 
 def known(name: str, value: Any, choices: Iterable[str]) -> str:
-    """`value` if it is one of `choices`, or ValueError that lists them."""
+    """Return `value` if it is one of `choices`; else raise ValueError that lists them."""
     choices = list(choices)
     if value not in choices:
-        raise ValueError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
+        near = get_close_matches(str(value), choices, n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise ValueError(f"{name}: expected one of {', '.join(choices)}, got {value!r}{hint}")
     return str(value)

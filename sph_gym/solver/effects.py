@@ -1,62 +1,38 @@
-"""Every effect: its parameters, its term, its source. What a scene doesn't name is compiled away.
+"""Every effect in a section of its own; an effect that a scene does not name is compiled away.
 
-A term begins with `if effect is None` and hands back what it was given: numba decides that while
-it compiles, so an absent effect leaves no instruction behind. Terms are lane-agnostic arithmetic
-(see lanes.py); they leave out the factor m * gradient_scale, which the loop applies once a
-particle. `Pair` and `Sums` say what they are given and what they add to.
+A section holds the numbers that the compiled loop takes, how they follow from the scene (the
+decorated function, whose docstring also gives meaning and source of the parameter), and the term.
+A term begins with `if effect is None` and returns what it was given: numba decides that while it
+compiles, so an absent effect leaves no instruction behind. Terms are written for lanes (lanes.py)
+and leave out the factor m * gradient_scale, which the loop applies once a particle. `forces.Pair`
+and `forces.Sums` are what they read and what they add to.
+
+To add an effect: a section here, its field in `Effects` at the end of this file, its line in
+forces.py, and its twin in tests/naive.py. See docs/architecture.md.
 """
 
+from collections import namedtuple
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.solver.checks import finite_array, known
+from sph_gym.solver.gravity import AnyGravity, Gravity
 from sph_gym.solver.jit import dispatch, jitable
+from sph_gym.solver.kernels import primitive_scale, weight
 from sph_gym.solver.lanes import like, maximum, minimum, rsqrt
+from sph_gym.solver.registry import EFFECTS, Given, effect
+from sph_gym.solver.surface import (
+    DISORDER,
+    HELD_BACK,
+    SHAPE_SCALE,
+    calibrated_stress,
+    inverse_weight,
+)
 
-
-class Pair(NamedTuple):
-    """What particle i and its neighbour j share; kernel shapes are 0 from the support radius on.
-
-    dx, dy: x_i - x_j [m]; r2: its square, r: its length; du, dv: v_i - v_j [m/s]; slip_u, slip_v:
-    the same as viscosity sees it, which at a wall may be a mirrored velocity; stress_i, stress_j:
-    p / rho^2; density_gap: rho_j - rho_i; density_sum: rho_i + rho_j; inv_rho: 1 / (rho_i +
-    rho_j); inv_rho_r2: the same divided by r^2 + eta^2; weight, gradient, viscosity: kernel
-    shapes.
-    """
-
-    dx: Any
-    dy: Any
-    r2: Any
-    r: Any
-    du: Any
-    dv: Any
-    slip_u: Any
-    slip_v: Any
-    stress_i: Any
-    stress_j: Any
-    density_gap: Any
-    density_sum: Any
-    inv_rho: Any
-    inv_rho_r2: Any
-    weight: Any
-    gradient: Any
-    viscosity: Any
-
-
-class Sums(NamedTuple):
-    """What particle i collects.
-
-    ax, ay: acceleration / (m gradient_scale); sx, sy: XSPH sum / (2 eps m weight_scale); growth:
-    d rho/dt by diffusion / (m gradient_scale); cx, cy: - grad C / (2 m gradient_scale), see
-    `add_crowding`.
-    """
-
-    ax: Any
-    ay: Any
-    sx: Any
-    sy: Any
-    growth: Any
-    cx: Any
-    cy: Any
-
+VISCOSITY_FORMS = ("laplacian", "morris")
 
 # --- Pressure -------------------------------------------------------------------------------
 
@@ -81,13 +57,23 @@ class TensileCorrection(NamedTuple):
     inv_weight: float
 
 
+@effect(typical=lambda scene: 0.2)
+def tensile_correction(epsilon, given):
+    """epsilon, about 0.2: a repulsion within dx that keeps particles from pairing under tension.
+
+    Source: Monaghan 2000, section 3, eqs. 3.1 and 4.2.
+    """
+    # with h = dx no particle at rest is within the support, and none is near enough to correct
+    at_dx = float(weight(given.kernel, given.dx**2, given.dx)) if given.h > given.dx else np.inf
+    return TensileCorrection(epsilon, 1 / at_dx)
+
+
 @jitable
 def add_tensile_correction(effect, pair, stress):
     """R (W(r) / W(dx))^4, R = eps |p|/rho^2 of both under tension + 0.02 of the lesser pressure.
 
-    A repulsion within dx that keeps particles from pairing under tension.
-    Source: Monaghan 2000, section 3, eqs. 3.1 and 4.2; there 0.01 of both pressures, which jumps
-    where one of them changes its sign, so that round-off at p = 0 would decide on a force.
+    Monaghan takes 0.01 of both pressures, which jumps where one of them changes its sign, so that
+    round-off at p = 0 would decide on a force.
     """
     if effect is None:
         return stress
@@ -112,17 +98,35 @@ class ArtificialViscosity(NamedTuple):
     strength: float
 
 
+@effect(typical=lambda scene: 0.02, at_walls="no-slip")
+def artificial_viscosity(alpha, given):
+    """alpha, which multiplies the nominal sound speed and the support radius.
+
+    Source: Monaghan 1992, eqs. 4.1 and 4.2.
+    """
+    return ArtificialViscosity(2 * alpha * given.c0 * given.h)
+
+
 class QuadraticViscosity(NamedTuple):
     """strength: 2 beta h^2 [m^2]."""
 
     strength: float
 
 
+@effect(typical=lambda scene: 0.04, at_walls="no-slip")
+def quadratic_viscosity(beta, given):
+    """beta: a viscosity of fast approaches, against penetration.
+
+    Source: Monaghan 1992, eq. 4.1, the beta term.
+    """
+    return QuadraticViscosity(2 * beta * given.h**2)
+
+
 @jitable
 def add_artificial_viscosity(effect, pair, stress):
     """Pi_ij = - alpha c0 h v.r / ((r^2 + eta^2) rho_mean) for pairs that approach.
 
-    Source: Monaghan 1992, eqs. 4.1 and 4.2, eta^2 = 0.01 h^2.
+    eta^2 = 0.01 h^2.
     """
     if effect is None:
         return stress
@@ -133,10 +137,7 @@ def add_artificial_viscosity(effect, pair, stress):
 
 @jitable
 def add_quadratic_viscosity(effect, pair, stress):
-    """beta (h v.r / (r^2 + eta^2))^2 / rho_mean for pairs that approach, against penetration.
-
-    Source: Monaghan 1992, eq. 4.1, the beta term.
-    """
+    """beta (h v.r / (r^2 + eta^2))^2 / rho_mean for pairs that approach."""
     if effect is None:
         return stress
     approach = pair.slip_u * pair.dx + pair.slip_v * pair.dy
@@ -159,8 +160,20 @@ class MorrisViscosity(NamedTuple):
     strength: float
 
 
+@effect(typical=lambda scene: 1e-3 * scene.h * scene.fluid.c0, at_walls="no-slip")
+def laminar_viscosity(nu, given):
+    """Kinematic viscosity nu [m^2/s]; its form is `viscosity_form`, "laplacian" or "morris".
+
+    Source: Mueller, Charypar, Gross 2003, eq. 14; Morris, Fox, Zhu 1997, eq. 22.
+    """
+    if given.effects.viscosity_form == "morris":
+        return MorrisViscosity(4 * nu)
+    kernel = given.kernel
+    return LaplacianViscosity(2 * nu * kernel.viscosity_scale / kernel.gradient_scale)
+
+
 @dispatch
-def friction(effect: Any, pair: Pair) -> Any:
+def friction(effect: Any, pair: Any) -> Any:
     """Factor of v_j - v_i in the viscous acceleration."""
 
 
@@ -178,9 +191,8 @@ def _morris_friction(effect, pair):
 def add_laminar_viscosity(effect, pair, ax, ay):
     """nu sum m (v_j - v_i) / rho_mean w_ij; for the step see `kernels.viscous_share`.
 
-    w is the Laplacian weight of the kernel (Mueller, Charypar, Gross 2003, eq. 14), or
-    2 r . grad W / (r^2 + eta^2) (Morris, Fox, Zhu 1997, eq. 22), both with the mean density,
-    which conserves momentum.
+    w is the Laplacian weight of the kernel, or Morris' 2 r . grad W / (r^2 + eta^2), both with
+    the mean density, which conserves momentum.
     """
     if effect is None:
         return ax, ay
@@ -205,13 +217,33 @@ class SurfaceTension(NamedTuple):
     inv_weight: float
 
 
+@effect(
+    typical=lambda scene: 1e-4 * scene.fluid.rho0 * scene.fluid.c0**2 * scene.h, at_walls="never"
+)
+def surface_tension(sigma, given):
+    """sigma [N/m]: a stress along the surface, calibrated on the lattice.
+
+    Source: Lafaurie et al. 1994; for particles Hu & Adams 2006.
+    """
+    kernel, h, volume = given.kernel, given.h, given.mass / given.rho0
+    stress = calibrated_stress(sigma, kernel, volume, given.dx)
+    shape_scale = SHAPE_SCALE / h**7
+    return SurfaceTension(
+        stress * volume**2 * shape_scale / (given.mass**2 * kernel.gradient_scale),
+        volume * shape_scale,
+        h,
+        (DISORDER / h) ** 2,
+        HELD_BACK,
+        kernel.weight_scale * inverse_weight(kernel, given.dx),
+    )
+
+
 @jitable
 def add_surface_tension(effect, pair, nx_i, ny_i, nx_j, ny_j, ax, ay):
     """Divergence of K (|n| - n n / |n|), a pull along the surface; n: of the share that is filled.
 
-    Given as n / sqrt|n|. Equal and opposite between two particles, but not along their line.
-    Source: Lafaurie et al. 1994; for particles Hu & Adams 2006. What is held back between near
-    neighbours is as in Monaghan 2000.
+    Given as n / sqrt|n|. Equal and opposite between two particles, but not along their line. A
+    share is held back between near neighbours, as in Monaghan 2000.
     """
     if effect is None:
         return ax, ay
@@ -231,17 +263,23 @@ def add_surface_tension(effect, pair, nx_i, ny_i, nx_j, ny_j, ax, ay):
 
 
 class Xsph(NamedTuple):
-    """scale: 2 eps m weight_scale."""
+    """scale: 2 eps m weight_scale, eps being the control."""
 
     scale: float
 
 
-@jitable
-def add_xsph(effect, pair, sx, sy):
-    """eps sum m (v_j - v_i) W / rho_mean: smooths the velocity that moves the particles, no other.
+@effect(at_walls="never", flag=True)
+def xsph(named, given):
+    """Smoothing of the velocity that moves the particles; its strength is `Controls.xsph`.
 
     Source: Monaghan 1992, eq. 4.9.
     """
+    return Xsph(0.0)
+
+
+@jitable
+def add_xsph(effect, pair, sx, sy):
+    """eps sum m (v_j - v_i) W / rho_mean: smooths the velocity that moves the particles."""
     if effect is None:
         return sx, sy
     smoothing = pair.weight * pair.inv_rho
@@ -258,12 +296,26 @@ def add_smoothing(effect, sums, tx, ty):
 
 # --- Particle shifting ----------------------------------------------------------------------
 
+# Mach number that c0 is meant for, and the share of that speed that bounds the shifts.
+MACH, TOP_SHIFT = 0.1, 0.5
+
 
 class Shifting(NamedTuple):
     """scale: 2 A U h m gradient_scale, U [m/s] a tenth of c0; top: the largest shift [m/s]."""
 
     scale: float
     top: float
+
+
+@effect(typical=lambda scene: 1.0)
+def shifting(factor, given):
+    """A, about 2, times h and a tenth of c0: particles leave where they are crowded.
+
+    Source: Skillen, Lind, Stansby, Rogers 2013, eq. 13.
+    """
+    speed = MACH * given.c0
+    force_scale = given.mass * given.kernel.gradient_scale
+    return Shifting(2 * factor * speed * given.h * force_scale, TOP_SHIFT * speed)
 
 
 @jitable
@@ -282,8 +334,8 @@ def add_crowding(effect, pair, cx, cy):
 def add_shift(effect, sums, tx, ty):
     """tx, ty and the velocity [m/s] with which particles leave where they are crowded.
 
-    For confined flows: at a free surface the gradient points out of the fluid.
-    Source: Skillen, Lind, Stansby, Rogers 2013, eq. 13, with the scene's own speed.
+    For confined flows: at a free surface the gradient points out of the fluid. The speed is the
+    scene's own.
     """
     if effect is None:
         return tx, ty
@@ -309,12 +361,36 @@ class Continuity(NamedTuple):
     scale: float
 
 
+@effect(flag=True)
+def continuity(named, given):
+    """A density is rho0 plus the growth of the particle's kernel sum since the start.
+
+    Source: Monaghan 1992, eq. 2.18, integrated exactly.
+    """
+    return Continuity(given.mass * primitive_scale(given.kernel))
+
+
 class DensityDiffusion(NamedTuple):
-    """strength: 2 delta c0 h, h the support radius [m^2/s]; hydro_x, hydro_y: rho0 g / c^2."""
+    """strength: 2 delta c0 h, h the support radius [m^2/s]; hydro_x, hydro_y: rho0 g / c^2, with
+    the c that follows from the stiffness control.
+    """
 
     strength: float
     hydro_x: float
     hydro_y: float
+
+
+@effect(
+    typical=lambda scene: 0.1,
+    at_walls="never",
+    needs=("continuity", "a density that is summed needs none"),
+)
+def density_diffusion(delta, given):
+    """delta of delta-SPH, about 0.1, for densities by continuity: smooths the densities.
+
+    Source: Molteni & Colagrossi 2009; Fourtakas, Vacondio, Dominguez, Rogers 2020, eq. 11.
+    """
+    return DensityDiffusion(2 * delta * given.c0 * given.h, 0.0, 0.0)
 
 
 @jitable
@@ -322,9 +398,7 @@ def add_density_diffusion(effect, pair, growth):
     """2 delta h c0 sum m / rho_mean (rho_j - rho_i - rho_H) (-dW/dr)/r: smooths the densities.
 
     rho_H is the difference that a fluid at rest under gravity has between the two places, so that
-    a tank at rest stays what it is. h: smoothing length, half of the support radius.
-    Source: Molteni & Colagrossi 2009; rho_H: Fourtakas, Vacondio, Dominguez, Rogers 2020, eq. 11,
-    linearised.
+    a tank at rest stays what it is, linearised. h: smoothing length, half of the support radius.
     """
     if effect is None:
         return growth
@@ -333,15 +407,75 @@ def add_density_diffusion(effect, pair, growth):
     return growth + effect.strength * (gap * (pair.gradient * pair.inv_rho))
 
 
-class PairEffects(NamedTuple):
-    """The effects that act between two particles; None where the scene doesn't name one."""
+# --- All of them ----------------------------------------------------------------------------
 
-    artificial_viscosity: ArtificialViscosity | None = None
-    quadratic_viscosity: QuadraticViscosity | None = None
-    laminar_viscosity: LaplacianViscosity | MorrisViscosity | None = None
-    tensile_correction: TensileCorrection | None = None
-    surface_tension: SurfaceTension | None = None
-    xsph: Xsph | None = None
-    shifting: Shifting | None = None
-    continuity: Continuity | None = None
-    density_diffusion: DensityDiffusion | None = None
+# The numbers of the effects of a scene as the compiled loops take them; None where absent.
+_NAMES = [each.name for each in EFFECTS]
+ActiveEffects: Any = namedtuple("ActiveEffects", _NAMES, defaults=[None] * len(_NAMES))  # type: ignore[misc]
+
+
+def active_effects(given: Given, number: Any) -> Any:
+    """Return the `ActiveEffects` between fluid particles, in the precision `number`."""
+    strengths = {}
+    for each in EFFECTS:
+        value = getattr(given.effects, each.name)
+        if value is not None and value is not False:
+            strength = each.strength(value, given)
+            strengths[each.name] = type(strength)(*map(number, strength))
+    return ActiveEffects(**strengths)
+
+
+def wall_effects(effects: Any, slip: str) -> Any:
+    """Return the effects between fluid and boundary particles, which slip or do not.
+
+    Walls hold no velocity that would smooth the advection and no density that could diffuse, and
+    do not attract the fluid; those with free slip do not rub either.
+    """
+    acting = {"always", slip}
+    return effects._replace(**{e.name: None for e in EFFECTS if e.at_walls not in acting})
+
+
+@dataclass(frozen=True)
+class Effects:
+    """The effects that act on the fluid besides pressure; one that is left out costs nothing.
+
+    gravity: (gx, gy) [m/s^2], or one of the kinds in gravity.py. All others: see the decorated
+    function of the same name in effects.py, or docs/architecture.md.
+
+    Raises ValueError for values that aren't finite, for negative ones, for a density diffusion
+    without continuity, and for a form of laminar viscosity where there is none.
+    """
+
+    gravity: AnyGravity | tuple[float, float] | None = None
+    xsph: bool = False
+    artificial_viscosity: float | None = None
+    laminar_viscosity: float | None = None
+    surface_tension: float | None = None
+    quadratic_viscosity: float | None = None
+    viscosity_form: str = "laplacian"
+    tensile_correction: float | None = None
+    continuity: bool = False
+    density_diffusion: float | None = None
+    shifting: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.gravity is not None and not isinstance(self.gravity, AnyGravity):
+            vector = finite_array("effects.gravity", self.gravity, (2,))
+            object.__setattr__(self, "gravity", Gravity(float(vector[0]), float(vector[1])))
+        for each in EFFECTS:
+            each.check(self)
+        known("effects.viscosity_form", self.viscosity_form, VISCOSITY_FORMS)
+        if self.viscosity_form != VISCOSITY_FORMS[0] and self.laminar_viscosity is None:
+            raise ValueError(
+                "effects.viscosity_form: expected effects.laminar_viscosity with it, got "
+                f"{self.viscosity_form!r} alone"
+            )
+
+    @property
+    def field(self) -> AnyGravity | None:
+        """The gravity as one of the kinds in gravity.py."""
+        return None if isinstance(self.gravity, tuple) else self.gravity
+
+    def gravity_at(self, time: float) -> NDArray[np.float64]:
+        """Return the uniform part of gravity [m/s^2] at a time [s]; zero where there is none."""
+        return np.zeros(2) if self.field is None else self.field.at(time)

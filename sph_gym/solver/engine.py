@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver import diagnostics, stepping, teams
-from sph_gym.solver.integrators import INTEGRATORS, TWO_HALVES
-from sph_gym.solver.model import Steered, make_model, steered, with_steered
-from sph_gym.solver.neighbors import make_lists, make_sorting
-from sph_gym.solver.records import Kept
+from sph_gym.solver import boundary, diagnostics, stepping, teams
+from sph_gym.solver.diagnostics import FORCES, NEIGHBORS, Request
+from sph_gym.solver.integrators import INTEGRATORS, KEEPING_RATES
+from sph_gym.solver.model import DT, control_row, make_model
+from sph_gym.solver.neighbors import Lists, make_lists, make_sorting
+from sph_gym.solver.records import Record
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import (
     Controls,
@@ -19,22 +20,25 @@ from sph_gym.solver.state import (
     allocate_particles,
     column,
     empty_like,
+    state_like,
 )
 from sph_gym.solver.stepping import (
     BAD,
     FRESH,
     FULL,
     N_STATUS,
-    STAGE,
     STEPS,
     UNKNOWN,
+    UNPRESSED,
     UNSORTED,
-    Model,
+    WHOLE,
+    Cells,
+    WallSource,
     World,
 )
 from sph_gym.solver.target import n_lanes
 
-# Other threads aren't worth waking for less: particles of each, and particle-steps of one call.
+# Least work that other threads are woken for: particles of each, and particle-steps of one call.
 PARTICLES_PER_THREAD = 256
 WORTH_WAKING = 20_000
 NO_BOUNDS = np.empty(0, np.int64)
@@ -42,7 +46,7 @@ N_SURVEYED = len(diagnostics.Survey._fields)
 # First guess of the length of a neighbour list; it grows where that is too short.
 ENTRIES_PER_GROUP = 70
 
-# What makes a state, besides what some scenes integrate or keep; all else follows from it.
+# Columns of every state; some scenes have more. All else follows from them.
 STATE = ("x", "y", "u", "v", "id")
 
 
@@ -58,14 +62,15 @@ class Engine:
     ) -> None:
         self.n = n = len(scene.x)  # type: ignore[arg-type]
         self.dtype, self._most = dtype, max(min(threads, n // PARTICLES_PER_THREAD), 1)
-        self._listed_by = 1
+        self._listed_by, self._began = 1, (UNKNOWN, 0.0)
         self._pace = teams.Pace()
-        self._world_record, self._model_record = Kept(), Kept()
-        self._leg, self._dt = np.empty((1, 4)), np.empty(1, dtype)
-        self._work: NDArray[Any] | None = None
-        self._model = make_model(scene, controls, mass, dtype)
-        self._steered = steered(self._model, scene, controls)
-        more = (*_kept_rates(scene), *(("offset",) if scene.effects.continuity else ()))
+        self._world_record, self._model_record = Record(), Record()
+        self._chunk = np.empty((1, 3))
+        self._columns: NDArray[Any] | None = None
+        self.model = make_model(scene, mass, dtype, brute)
+        self._scene = scene
+        self.set_controls(controls)
+        more = (*_rate_columns(scene), *(("offset",) if scene.effects.continuity else ()))
         normals = ("nx", "ny") if scene.effects.surface_tension is not None else ()
         columns = (*more, *normals)
         fluid = allocate_particles(scene.x, scene.v, dtype, columns)  # type: ignore[arg-type]
@@ -74,117 +79,124 @@ class Engine:
         n_walls = 0 if walls is None else walls.id.size
         sorting = make_sorting(n, n_walls, brute, self._most)
         n_cells = sorting.counts.shape[1]
-        per_particle = ENTRIES_PER_GROUP / n_lanes(dtype)
+        per_group = n + n_walls if brute else ENTRIES_PER_GROUP
         self.world = World(
-            fluid=empty_like(fluid),
+            cells=Cells(
+                fluid=empty_like(fluid),
+                start=np.zeros(n_cells + 1, np.int32),
+                walls=None if walls is None else empty_like(walls),
+                wall_start=None if walls is None else np.zeros(n_cells + 1, np.int32),
+                wall_sums=None if walls is None else column(n_walls, dtype),
+                lists=make_lists(n, self._most, per_group / n_lanes(dtype)),
+            ),
             spare=fluid,
-            start=np.zeros(n_cells + 1, np.int32),
-            walls=None if walls is None else empty_like(walls),
-            wall_source=walls,
-            wall_rest=None if walls is None or not _moving(scene) else _copy(walls),
-            moves=None if walls is None or not _moving(scene) else scene.walls.moves,  # type: ignore[union-attr]
-            wall_start=None if walls is None else np.zeros(n_cells + 1, np.int32),
-            wall_sums=None if walls is None else column(n_walls, dtype),
-            source_sums=None if walls is None else self._sum_walls(walls),
+            backup=state_like(fluid),
+            walls=self._wall_source(walls),
             sorting=sorting,
-            lists=None if brute else make_lists(n, self._most, per_particle),
             status=np.zeros((self._most, N_STATUS), np.int64),
             team=teams.make_team(),
             totals=np.zeros(9),
             clock=np.zeros(1),
         )
-        self._scene = scene
         self._sort_spare(UNKNOWN)
         if scene.effects.continuity:
             self.fluid.offset[:n] = scene.fluid.rho0 - self.fluid.rho[:n]
             self.renew(0.0)
 
-    def _sum_walls(self, walls: Particles) -> NDArray[Any]:
-        """What boundary particles that are like fluid add to each other's densities, once for all.
+    def _wall_source(self, walls: Particles | None) -> WallSource:
+        """Return boundary particles with what is known of them beforehand.
 
-        Walls that move sum anew in every step; those with the fluid's pressure need no sum.
+        Those that are like fluid sum their densities over each other once; walls that move do it
+        anew in every step; those with the fluid's pressure need no sum.
         """
+        if walls is None:
+            return WallSource(None, None, None, None)
         sums = column(walls.id.size, self.dtype)
-        if self._model.extrapolation is None:
-            stepping.sum_walls(0, walls, sums, self._model.kernel, self._model.constants)
-        return sums
+        if self.model.extrapolation is None:
+            everyone = Lists(np.arange(walls.id.size, dtype=np.int32), np.zeros(0, np.int64))
+            boundary.sum_walls(walls, everyone, sums, self.model.kernel, self.model.constants)
+        scene_walls = self._scene.walls
+        if scene_walls is None or scene_walls.motion is None:
+            return WallSource(walls, None, None, sums)
+        return WallSource(walls, _copy(walls), scene_walls.moves, sums)
 
     @property
     def fluid(self) -> Particles:
         """The fluid, in the order of its cells; only the first n entries of a column count."""
-        return self.world.fluid
+        return self.world.cells.fluid
 
     @property
     def walls(self) -> Particles | None:
         """The wall particles, in the order of their cells."""
-        return self.world.walls
+        return self.world.cells.walls
 
     @cached_property
     def kind(self) -> str:
-        """What two simulations must share to run the same machine code."""
-        return str((self.dtype, _structure(self.world), _structure(self._model)))
+        """A text that is the same for simulations that run the same machine code."""
+        return str((self.dtype, _structure(self.world), _structure(self.model)))
 
     def set_controls(self, controls: Controls) -> None:
-        """Go on with another stiffness and XSPH epsilon; pressures follow with `renew`."""
-        self._steered = steered(self._model, self._scene, controls)
-
-    @property
-    def model(self) -> Model:
-        """What the compiled loops take, with the present controls."""
-        return self._model_with(self._steered)
-
-    def _model_with(self, numbers: Steered) -> Model:
-        return with_steered(self._model, numbers, self.dtype)
+        """Go on with other controls; pressures follow with `follow_stiffness`."""
+        # another array every time: a call on another thread may still read the last one
+        self.controls = control_row(self._scene, self.model, controls)[None]
 
     # --- time -------------------------------------------------------------------------------
 
     def run(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
-        """Up to n_substeps steps of length dt [s] from `time` [s] on.
+        """Run a chunk: up to n_substeps steps of length dt [s] from `time` [s] on.
 
-        Returns how many were done, the one that failed included, and the place of the particle
-        that failed, or -1. Lists that are too short grow, and the call goes on. Ctrl-C is
-        delivered when a compiled call is over; `interrupted` then leaves a state to go on from.
+        Return how many were done, the one that failed included, and the place of the particle
+        that failed, or -1. Where a list was too short, it grows, and the chunk is repeated. Ctrl-C
+        is delivered when a compiled call is over; `recover` then leaves a state to go on from.
         """
         self.call(FRESH, time, dt, n_substeps)
         return self.finish(time, dt, n_substeps)
 
     def finish(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
-        """What `run` returns, once a call has been made; goes on if a list was too short."""
+        """Return what `run` returns, once a call was made; repeat it if a list was too short."""
         while self.full:
-            self._grow()
-            self.call(self.stage, time, dt, n_substeps, self.steps)
+            self.call(self._rewind(), time, dt, n_substeps)
         return self.steps, self.bad
 
-    def call(self, stale: int, time: float, dt: float, n_substeps: int, done: int = 0) -> None:
-        """One compiled call, on as many threads as it is worth; see `stepping.advance`."""
-        with teams.borrow(self._worthwhile(n_substeps - done)) as n_threads:
-            stale = self.begin(n_threads, stale, done)
-            leg = self._leg[0]
-            leg[0], leg[1], leg[2], leg[3], self._dt[0] = stale, time, done, n_substeps, dt
-            arguments = NO_BOUNDS, *self.records(), self._leg, self._dt
+    def call(self, stale: int, time: float, dt: float, n_substeps: int) -> None:
+        """Make one compiled call, on as many threads as it is worth; see `stepping.advance`."""
+        with teams.borrow(self._worthwhile(n_substeps)) as n_threads:
+            self._chunk[0] = self.begin(n_threads, stale), time, n_substeps
+            self.controls[0, DT] = dt
+            arguments = NO_BOUNDS, *self.records(), self._chunk, self.controls
             if self._most == 1:
                 stepping.advance(0, 1, *arguments)
                 return
             began = perf_counter()
             teams.run(stepping.advance, n_threads, self.world.team, *arguments)
-            work = self.n * (n_substeps - done)
-            self._pace.note(n_threads, work, perf_counter() - began)
+            self._pace.note(n_threads, self.n * n_substeps, perf_counter() - began)
 
-    def begin(self, n_threads: int, stale: int = FRESH, done: int = 0) -> int:
-        """Get ready for a call on so many threads; what then isn't up to date.
+    def begin(self, n_threads: int, stale: int = FRESH) -> int:
+        """Get ready for a call on so many threads. Return what is not up to date then.
 
         Each thread has its own list, so that other shares want other lists.
         """
         before, self._listed_by = self._listed_by, n_threads
         status = self.world.status
-        status[:, STEPS], status[:, BAD], status[:, FULL] = done, -1, 0
+        status[:, STEPS], status[:, BAD], status[:, FULL], status[:, WHOLE] = 0, -1, 0, 0
         if n_threads != before and stale == FRESH:
-            self._spare_the_state()
-            return UNSORTED
+            self._spare_the_state(self.fluid)
+            stale = UNSORTED
+        self._began = stale, self.clock
         return stale
 
+    def _rewind(self) -> int:
+        """Go back to where a call with too short a list began. Return what is not up to date."""
+        cells = self.world.cells
+        entries = np.zeros(2 * cells.lists.entries.size, np.int32)
+        cells = cells._replace(lists=cells.lists._replace(entries=entries))
+        self.world = self.world._replace(cells=cells)
+        self._spare_the_state(self.world.backup)
+        stale, self.world.clock[0] = self._began
+        return UNSORTED if stale == FRESH else stale
+
     def _worthwhile(self, n_substeps: int) -> int:
-        """Number of threads for so many substeps."""
+        """Return the number of threads for so many substeps."""
         if n_substeps == 0:
             return self._listed_by
         if self.n * n_substeps < WORTH_WAKING:
@@ -194,7 +206,7 @@ class Engine:
     @property
     def steps(self) -> int:
         """Steps that the last `run` did."""
-        return int(self.world.status[0, STEPS])
+        return 0 if self.full else int(self.world.status[0, STEPS])
 
     @property
     def bad(self) -> int:
@@ -203,109 +215,89 @@ class Engine:
 
     @property
     def whole(self) -> bool:
-        """Whether `fluid` is the state at the end of the last step, even if somebody failed."""
-        return self.stage == FRESH
+        """Whether `fluid` is the state at the end of the last step, even after a failure."""
+        return bool(self.world.status[0, WHOLE])
 
     @property
     def full(self) -> bool:
-        """Whether a list was too short, so that `fluid` is not up to date but `spare` is."""
+        """Whether a list was too short, so that `fluid` is not up to date but `backup` is."""
         return any(self.world.status[:, FULL].tolist())
 
-    @property
-    def stage(self) -> int:
-        """What isn't up to date after a call whose list was too short."""
-        return int(self.world.status[0, STAGE])
-
     def follow_stiffness(self, time: float) -> None:
-        """Bring pressures, and what depends on them, up to date with the present controls."""
-        if self._model.extrapolation is None and self._model.halves is None:
-            stepping.renew_pressures(*self.records())
+        """Bring pressures, and all that depends on them, up to date with the present controls."""
+        if self.model.extrapolation is None and "ax" not in self.state_columns:
+            self._chunk[0] = UNPRESSED, time, 0
+            stepping.advance(0, 1, NO_BOUNDS, *self.records(), self._chunk, self.controls)
         else:
-            # extrapolated pressures and kept rates follow the whole chain
+            # extrapolated pressures and rates follow the whole chain
             self.renew(time)
 
     def renew(self, time: float) -> None:
         """Bring everything up to date with the present state, walls and controls, at a time [s]."""
-        self._spare_the_state()
+        self._spare_the_state(self.fluid)
         self._sort_spare(UNKNOWN, time)
 
     def _sort_spare(self, stale: int, time: float = 0.0) -> None:
         """Sort the state in `spare` into cells; densities, pressures, lists and sums follow."""
         self.call(stale, time, 1.0, 0)
         while self.full:
-            self._grow()
-            self.call(self.stage, time, 1.0, 0)
+            self.call(self._rewind(), time, 1.0, 0)
 
-    def _spare_the_state(self) -> None:
-        """A copy of the state in `spare`, in whichever order."""
+    def _spare_the_state(self, source: Particles) -> None:
+        """Copy a state to `spare`, in whichever order."""
         for name in ("id", *self.state_columns):
-            getattr(self.world.spare, name)[:] = getattr(self.world.fluid, name)
+            getattr(self.world.spare, name)[:] = getattr(source, name)
 
     def recover(self, time: float) -> None:
-        """After a failed step or an interrupted call: go back to the last whole state."""
+        """Go back to the last whole state, after a failed step or an interrupted call."""
         if self.full:
-            self._grow()
+            self._rewind()
             self._sort_spare(UNKNOWN, time)
         else:
             self.renew(time)
 
-    def _grow(self) -> None:
-        """Neighbour lists of twice the length."""
-        lists = self.world.lists
-        assert lists is not None
-        lists = lists._replace(entries=np.zeros(2 * lists.entries.size, np.int32))
-        self.world = self.world._replace(lists=lists)
-
     def records(self) -> tuple[Any, Any, Any, Any]:
-        """Records of world and model (1, n_bytes), and their shapes: what compiled calls take."""
-        world = self._world_record.follow(self.world)
-        model = self._model_record.follow_numbers(self._steered, self.dtype, self._model_with)
+        """Return the records of world and model (1, n_bytes), and their shapes."""
+        world, model = self._world_record.follow(self.world), self._model_record.follow(self.model)
         return world.rows, model.rows, world.shape, model.shape
 
     # --- measures ---------------------------------------------------------------------------
 
     def accelerations(self, time: float) -> tuple[NDArray[Any], NDArray[Any]]:
-        """ax and ay (n,) [m/s^2] in the order of `fluid`."""
-        n = self.n
-        ax, ay = column(n, self.dtype), column(n, self.dtype)
-        lists = self.world.lists
-        stepping.evaluate_acceleration(
-            0, self.fluid, self.walls, lists, self.model, float(time), ax, ay
-        )
-        return ax[:n], ay[:n]
+        """Return ax and ay (n,) [m/s^2] in the order of `fluid`, good until the next call."""
+        self._examine(True, Request(FORCES, time))
+        return self.known_accelerations()
+
+    def known_accelerations(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the accelerations of the last look that evaluated them."""
+        return self._column(0), self._column(1)
 
     def nearest_and_count(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """(n,) squared distance [m^2] to the nearest other, and how many are within h."""
-        n = self.n
-        nearest, count = column(n, self.dtype), column(n, self.dtype)
-        h2, constants = self._model.kernel.h2, self._model.constants
-        diagnostics.nearest_and_count(
-            0, self.fluid, self.walls, self.world.lists, constants, h2, nearest, count
-        )
-        return nearest[:n].astype(np.float64), count[:n].astype(np.int32)
+        """Return (n,) squared distances [m^2] to the nearest other, and how many are within h."""
+        self._examine(False, Request(NEIGHBORS, 0.0))
+        return self._column(2).astype(np.float64), self._column(3).astype(np.int32)
 
-    def survey(
-        self, acceleration: Any, time: float, gravity: Any, com: Any, dx: float
-    ) -> tuple[diagnostics.Survey, tuple[NDArray[Any], NDArray[Any]]]:
-        """A look at every particle, and what `accelerations` gives.
+    def survey(self, stale: bool, request: Request) -> diagnostics.Survey:
+        """Return measures that take a look at every particle; `accelerations` first if `stale`."""
+        return diagnostics.Survey(*self._examine(stale, request).tolist())
 
-        acceleration: the latter, or None if that isn't known; gravity: (2,) [m/s^2]; com: (2,)
-        centre of mass [m].
-        """
-        n, stale = self.n, acceleration is None
-        ax, ay = (column(n, self.dtype), column(n, self.dtype)) if stale else acceleration
-        if self._work is None:
-            self._work = np.stack([column(n, self.dtype), column(n, self.dtype)])
-        numbers, clumped = np.zeros(N_SURVEYED), diagnostics.CLUMPED * dx
+    def _examine(self, stale: bool, request: Request) -> NDArray[np.float64]:
+        if self._columns is None:
+            self._columns = np.stack([column(self.n, self.dtype) for _ in range(4)])
+        numbers = np.zeros(N_SURVEYED)
         stepping.examine(
-            *self.records(), stale, float(time), ax, ay, gravity, com, clumped, self._work, numbers
+            *self.records(), self.controls, stale, np.array(request), self._columns, numbers
         )
-        return diagnostics.Survey(*numbers.tolist()), (ax[:n], ay[:n])
+        return numbers
+
+    def _column(self, k: int) -> NDArray[Any]:
+        assert self._columns is not None
+        return self._columns[k, : self.n]
 
     # --- the state --------------------------------------------------------------------------
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Copies of the columns that make the state, (n,) each."""
+        """Return copies of the columns that make the state, (n,) each."""
         n = self.n
         return {name: getattr(self.fluid, name)[:n].copy() for name in self.state_columns}
 
@@ -315,7 +307,7 @@ class Engine:
         return float(self.world.clock[0])
 
     def set_state(self, columns: dict[str, NDArray[Any]], clock: float) -> None:
-        """Take back what `state` gave when it was that time [s]."""
+        """Take back the columns that `state` gave, and the time [s] of that moment."""
         for name, values in columns.items():
             getattr(self.world.spare, name)[: len(values)] = values
         self.world.clock[0] = clock
@@ -323,15 +315,15 @@ class Engine:
 
 
 def _structure(value: Any) -> Any:
-    """The types of nested tuples, as numba sees them."""
+    """Return the types of nested tuples, as numba sees them."""
     if isinstance(value, tuple):
         return type(value).__name__, *map(_structure, value)
     return type(value).__name__
 
 
-def _kept_rates(scene: Scene) -> tuple[str, ...]:
-    """The columns of rates that the scene's integrator goes on from."""
-    if not isinstance(INTEGRATORS[scene.integrator], TWO_HALVES):
+def _rate_columns(scene: Scene) -> tuple[str, ...]:
+    """Return the columns of rates that a step of the scene's integrator sets out from."""
+    if not isinstance(INTEGRATORS[scene.integrator], KEEPING_RATES):
         return ()
     drifts = scene.effects.xsph or scene.effects.shifting is not None
     return (
@@ -340,10 +332,6 @@ def _kept_rates(scene: Scene) -> tuple[str, ...]:
         *(("tx", "ty") if drifts else ()),
         *(("growth",) if scene.effects.density_diffusion is not None else ()),
     )
-
-
-def _moving(scene: Scene) -> bool:
-    return scene.walls is not None and scene.walls.motion is not None
 
 
 def _wall_particles(scene: Scene, dtype: Any) -> Particles | None:

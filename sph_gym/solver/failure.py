@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.solver.kernels import ALL_KERNELS, density_kernel
+from sph_gym.solver.periodic import make_period, nearest_image
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Floats, Particles
 from sph_gym.solver.stepping import FORCE
-from sph_gym.solver.walls import make_period, nearest_image
 
 CAUSES = ("cfl", "stiffness", "clumping", "tunnelling", "energy", "nan")
 # Beyond this multiple of h/c symplectic Euler amplifies the shortest waves.

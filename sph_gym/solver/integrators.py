@@ -1,22 +1,21 @@
-"""How a step goes from rates to the next state: three integrators, chosen at compile time.
+"""Three integrators, which make the next state from rates, chosen at compile time.
 
 Each moves the particles once or twice a step (`move`), after which neighbours and densities are
 brought up to date, and may evaluate the forces there (`end_step`). All evaluate the pair forces
 once a step. What they need of the last evaluation is kept in the columns of rates, which belong to
-the state: a run that is cut into several calls goes on as if it wasn't.
+the state: a run that is cut into several calls goes on as if it was not.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.solver.effects import add_shift, add_smoothing
-from sph_gym.solver.forces import force_sums
-from sph_gym.solver.gravity import add_gravity
+from sph_gym.solver.confinement import confine, stop_at_plates
+from sph_gym.solver.forces import Rates, rates
 from sph_gym.solver.jit import dispatch, jitable
 from sph_gym.solver.lanes import first_lanes, first_true, like, load, select, store, width
 from sph_gym.solver.neighbors import group_size
-from sph_gym.solver.walls import confine, first_outside, stop_at_plates, wrap
+from sph_gym.solver.periodic import first_outside, wrap
 
 # Faster than this [m/s] is a blow-up, whatever the scene.
 TOP_SPEED = 5000.0
@@ -43,12 +42,13 @@ class PredictorCorrector(NamedTuple):
     """
 
 
-# What an integrator leaves of the step that friction allows symplectic Euler. The predictor uses
+# Share of the viscous step of symplectic Euler that an integrator allows. The predictor uses
 # every rate again half a step later, which makes friction diverge beyond 1 / its rate, not 2, as in
 # Adams-Bashforth's scheme; and beyond 0.56 / rate where waves of 0.4 h/c are there too. Five sixths
 # of 2 are usual, so that three tenths of those are 0.5.
 VISCOUS_SHARES = {"predictor_corrector": 0.3}
-TWO_HALVES = (KickDriftKick, PredictorCorrector)
+# Integrators whose steps set out from rates that belong to the state.
+KEEPING_RATES = (KickDriftKick, PredictorCorrector)
 INTEGRATORS: dict[str, Any] = {
     "symplectic_euler": SymplecticEuler(),
     "kick_drift_kick": KickDriftKick(),
@@ -56,48 +56,17 @@ INTEGRATORS: dict[str, Any] = {
 }
 
 
-class Rates(NamedTuple):
-    """What a group of particles feels.
-
-    ax, ay: acceleration [m/s^2]; tx, ty: what is added to the velocity that moves them [m/s];
-    growth: d rho/dt by diffusion [kg/(m^3 s)].
-    """
-
-    ax: Any
-    ay: Any
-    tx: Any
-    ty: Any
-    growth: Any
-
-
 @jitable
-def rates(i, fluid, walls, lists, model, time):
-    """The rates of the group that begins with fluid particle i."""
-    sums = force_sums(
-        i, fluid, walls, lists,
-        model.kernel, model.constants, model.effects, model.wall_effects,
-    )  # fmt: skip
-    scale, zero = model.constants.force_scale, like(sums.ax, 0.0)
-    ax, ay = add_gravity(
-        model.gravity, time, load(fluid.x, i), load(fluid.y, i), load(fluid.u, i),
-        load(fluid.v, i), scale * sums.ax, scale * sums.ay,
-    )  # fmt: skip
-    tx, ty = add_smoothing(model.effects.xsph, sums, zero, zero)
-    tx, ty = add_shift(model.effects.shifting, sums, tx, ty)
-    return Rates(ax, ay, tx, ty, scale * sums.growth)
-
-
-@jitable
-def kept(column, i, present):
-    """The numbers of a column of rates; zero where none is kept."""
+def load_rate(column, i, present):
+    """Return the numbers of a column of rates; zero where there is no column."""
     if column is None:
         return like(present, 0.0)
     return load(column, i)
 
 
 @jitable
-def keep(column, i, value, n):
-    """Store `value` in a column, where there is one."""
+def store_rate(column, i, value, n):
+    """Store `value` in a column of rates, where there is one."""
     if column is None:
         return
     store(column, i, value, n)
@@ -119,25 +88,25 @@ def grow(old, new, i, n, change, eos):
 
 
 @jitable
-def kept_rates(source, i, present):
-    """The rates of the last evaluation."""
+def load_rates(source, i, present):
+    """Return the rates of the last evaluation."""
     return Rates(
-        kept(source.ax, i, present),
-        kept(source.ay, i, present),
-        kept(source.tx, i, present),
-        kept(source.ty, i, present),
-        kept(source.growth, i, present),
+        load_rate(source.ax, i, present),
+        load_rate(source.ay, i, present),
+        load_rate(source.tx, i, present),
+        load_rate(source.ty, i, present),
+        load_rate(source.growth, i, present),
     )
 
 
 @jitable
-def keep_rates(target, i, new, n):
-    """Write down what the next step needs."""
-    keep(target.ax, i, new.ax, n)
-    keep(target.ay, i, new.ay, n)
-    keep(target.tx, i, new.tx, n)
-    keep(target.ty, i, new.ty, n)
-    keep(target.growth, i, new.growth, n)
+def store_rates(target, i, new, n):
+    """Store the rates that the next step needs."""
+    store_rate(target.ax, i, new.ax, n)
+    store_rate(target.ay, i, new.ay, n)
+    store_rate(target.tx, i, new.tx, n)
+    store_rate(target.ty, i, new.ty, n)
+    store_rate(target.growth, i, new.growth, n)
 
 
 @jitable
@@ -162,7 +131,7 @@ def place(model, i, n, source, target, x, y, u, v, time):
 
 @jitable
 def insane(x, y, u, v):
-    """Where a position is no longer finite or a speed absurd."""
+    """Return where a position is no longer finite or a speed absurd."""
     # not x - x == 0, which reassociation folds to True; nor a negated mask, for plain bools
     zero, one = like(x, 0.0), like(x, 1.0)
     slow = select(u * u + v * v < like(u, TOP_SPEED * TOP_SPEED), zero, one)
@@ -174,7 +143,7 @@ def insane(x, y, u, v):
 
 @dispatch
 def moves(integrator: Any) -> Any:
-    """How often a step moves the particles."""
+    """Return how often a step moves the particles."""
 
 
 @moves.member(SymplecticEuler)
@@ -190,7 +159,7 @@ def _two(integrator):
 
 @dispatch
 def evaluates_last(integrator: Any) -> Any:
-    """Whether a step ends with forces instead of a move."""
+    """Return whether a step ends with forces instead of a move."""
 
 
 @evaluates_last.member(SymplecticEuler)
@@ -206,25 +175,26 @@ def _kicks_last(integrator):
 
 @dispatch
 def move(
-    integrator: Any, done: int, first: int, last: int, source: Any, target: Any, walls: Any,
-    lists: Any, model: Any, time: Any, dt: Any,
+    integrator: Any, part: int, first: int, last: int, cells: Any, target: Any, model: Any,
+    time: Any, dt: Any,
 ) -> Any:  # fmt: skip
-    """The next move, after `done` others, of the step that began at `time` [s].
+    """Make the next move, after `part` others, of the step that began at `time` [s].
 
-    Particles first to last of `source` become those of `target`. Returns one of the first of them
-    that are no longer finite, too fast or farther than a periodic domain is long, or -1.
+    Particles first to last of `cells.fluid` become those of `target`. Return one of the first
+    of them that are no longer finite, too fast or farther than a periodic domain is long, or -1.
     """
 
 
 @move.member(SymplecticEuler)
-def _kick_and_drift(integrator, done, first, last, source, target, walls, lists, model, time, dt):
+def _kick_and_drift(integrator, part, first, last, cells, target, model, time, dt):
+    source = cells.fluid
     # the XSPH sum is that of the velocities before the kick, so that one pair loop serves both
     for k in range(first, last):
         target.id[k] = source.id[k]
     i, bad = first, -1
     while i < last:
-        n = group_size(lists, i, min(width(source.x), last - i))
-        new = rates(i, source, walls, lists, model, time)
+        n = group_size(cells.lists, i)
+        new = rates(i, source, cells.walls, cells.lists, model, time)
         u, v = load(source.u, i) + dt * new.ax, load(source.v, i) + dt * new.ay
         x = load(source.x, i) + dt * (u + new.tx)
         y = load(source.y, i) + dt * (v + new.ty)
@@ -238,54 +208,53 @@ def _kick_and_drift(integrator, done, first, last, source, target, walls, lists,
 
 
 @move.member(KickDriftKick)
-def _half_kick_and_drift(
-    integrator, done, first, last, source, target, walls, lists, model, time, dt
-):
-    return _move_with_kept_rates(first, last, source, target, model, time, dt, dt * 0.5, dt)
+def _half_kick_and_drift(integrator, part, first, last, cells, target, model, time, dt):
+    return _move_with_last_rates(first, last, cells.fluid, target, model, time + dt, dt * 0.5, dt)
 
 
 @move.member(PredictorCorrector)
-def _predict_or_correct(
-    integrator, done, first, last, source, target, walls, lists, model, time, dt
-):
+def _predict_or_correct(integrator, part, first, last, cells, target, model, time, dt):
     half = dt * 0.5
-    if done == 0:
-        return _move_with_kept_rates(first, last, source, target, model, time, half, half, half)
-    return _correct(first, last, source, target, walls, lists, model, time, dt, half)
+    if part == 0:
+        return _move_with_last_rates(
+            first, last, cells.fluid, target, model, time + half, half, half
+        )
+    return _correct(first, last, cells, target, model, time, dt, half)
 
 
 @jitable
-def _move_with_kept_rates(first, last, source, target, model, time, after, kick, drift):
-    """v += a kick, then x += v drift, with the rates of the last evaluation; `after`: [s]."""
+def _move_with_last_rates(first, last, source, target, model, now, kick, drift):
+    """v += a kick, then x += v drift, with the rates of the last evaluation; now: [s] after it."""
     for k in range(first, last):
         target.id[k] = source.id[k]
     bad = -1
     for i in range(first, last, width(source.x)):
         n = min(width(source.x), last - i)
         u, v = load(source.u, i), load(source.v, i)
-        old = kept_rates(source, i, u)
+        old = load_rates(source, i, u)
         u, v = u + kick * old.ax, v + kick * old.ay
         x = load(source.x, i) + drift * (u + old.tx)
         y = load(source.y, i) + drift * (v + old.ty)
-        wrong = place(model, i, n, source, target, x, y, u, v, time + after)
+        wrong = place(model, i, n, source, target, x, y, u, v, now)
         thick = grow(source.offset, target.offset, i, n, drift * old.growth, model.eos)
         wrong = thick if wrong < 0 else wrong
-        keep_rates(target, i, old, n)
+        store_rates(target, i, old, n)
         if wrong >= 0 and bad < 0:
             bad = i + wrong
     return bad
 
 
 @jitable
-def _correct(first, last, source, target, walls, lists, model, time, dt, half):
+def _correct(first, last, cells, target, model, time, dt, half):
+    source = cells.fluid
     for k in range(first, last):
         target.id[k] = source.id[k]
     i, bad = first, -1
     while i < last:
-        n = group_size(lists, i, min(width(source.x), last - i))
-        new = rates(i, source, walls, lists, model, time + half)
+        n = group_size(cells.lists, i)
+        new = rates(i, source, cells.walls, cells.lists, model, time + half)
         # the state before the prediction, from the rates that it was made with
-        old = kept_rates(source, i, new.ax)
+        old = load_rates(source, i, new.ax)
         u0, v0 = load(source.u, i), load(source.v, i)
         x0, y0 = load(source.x, i) - half * (u0 + old.tx), load(source.y, i) - half * (v0 + old.ty)
         u0, v0 = u0 - half * old.ax, v0 - half * old.ay
@@ -296,7 +265,7 @@ def _correct(first, last, source, target, walls, lists, model, time, dt, half):
         change = dt * new.growth - half * old.growth
         thick = grow(source.offset, target.offset, i, n, change, model.eos)
         wrong = thick if wrong < 0 else wrong
-        keep_rates(target, i, new, n)
+        store_rates(target, i, new, n)
         if wrong >= 0 and bad < 0:
             bad = i + wrong
         i += n
@@ -308,9 +277,8 @@ def _correct(first, last, source, target, walls, lists, model, time, dt, half):
 
 @dispatch
 def end_step(
-    integrator: Any, first: int, last: int, source: Any, target: Any, walls: Any, lists: Any,
-    model: Any, time: Any, dt: Any,
-) -> Any:  # fmt: skip
+    integrator: Any, first: int, last: int, cells: Any, target: Any, model: Any, time: Any, dt: Any
+) -> Any:
     """Evaluate the rates at the end of the step from `time` to `time` + dt [s]; returns as `move`.
 
     dt = 0: nothing but the rates changes.
@@ -318,22 +286,23 @@ def end_step(
 
 
 @dispatch
-def settle(integrator: Any, first: int, last: int, source: Any, target: Any, model: Any) -> Any:
-    """Take over into `target` what `end_step` wrote, when all have done with the old values."""
+def settle(integrator: Any, first: int, last: int, source: Any, target: Any) -> Any:
+    """Copy into `target` what `end_step` wrote, when no thread needs the old values."""
 
 
 @end_step.member(KickDriftKick)
-def _half_kick(integrator, first, last, source, target, walls, lists, model, time, dt):
+def _half_kick(integrator, first, last, cells, target, model, time, dt):
+    source = cells.fluid
     i, bad, half = first, -1, dt * 0.5
     while i < last:
-        n = group_size(lists, i, min(width(source.x), last - i))
-        new = rates(i, source, walls, lists, model, time + dt)
+        n = group_size(cells.lists, i)
+        new = rates(i, source, cells.walls, cells.lists, model, time + dt)
         x, y = load(source.x, i), load(source.y, i)
         u, v = load(source.u, i) + half * new.ax, load(source.v, i) + half * new.ay
         store(target.u, i, u, n)
         store(target.v, i, v, n)
         wrong = first_true(insane(x, y, u, v) & first_lanes(x, n))
-        keep_rates(target, i, new, n)
+        store_rates(target, i, new, n)
         if wrong >= 0 and bad < 0:
             bad = i + wrong
         i += n
@@ -341,26 +310,27 @@ def _half_kick(integrator, first, last, source, target, walls, lists, model, tim
 
 
 @settle.member(KickDriftKick)
-def _take_over(integrator, first, last, source, target, model):
+def _take_over(integrator, first, last, source, target):
     for i in range(first, last, width(source.x)):
         n = min(width(source.x), last - i)
         store(target.u, i, load(source.u, i), n)
         store(target.v, i, load(source.v, i), n)
         present = load(source.u, i)
-        keep_rates(target, i, kept_rates(source, i, present), n)
+        store_rates(target, i, load_rates(source, i, present), n)
 
 
 @end_step.member(PredictorCorrector)
-def _find_rates(integrator, first, last, source, target, walls, lists, model, time, dt):
+def _find_rates(integrator, first, last, cells, target, model, time, dt):
+    source = cells.fluid
     # only where a run begins or a control has changed: a step finds them out on its way
     i = first
     while i < last and dt == 0.0:
-        n = group_size(lists, i, min(width(source.x), last - i))
-        keep_rates(source, i, rates(i, source, walls, lists, model, time), n)
+        n = group_size(cells.lists, i)
+        store_rates(source, i, rates(i, source, cells.walls, cells.lists, model, time), n)
         i += n
     return -1
 
 
 @settle.member(PredictorCorrector)
-def _settled(integrator, first, last, source, target, model):
+def _settled(integrator, first, last, source, target):
     return

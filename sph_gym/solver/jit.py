@@ -1,5 +1,6 @@
-"""The one way in which this package compiles: `jit` for functions, `dispatch` for families."""
+"""Compilation: `jit` for what Python calls, `jitable` for helpers, `dispatch` for families."""
 
+import gc
 import hashlib
 import os
 import sys
@@ -11,7 +12,6 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, cast
 
 import numba
-from numba.core import types
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.typed_passes import IRLegalization
@@ -21,17 +21,17 @@ from sph_gym.solver import target
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# Of "fast", not nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708), and not
-# reassoc: the last bit of a sum then depended on the function that a step is compiled into.
+# Fast math without nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708), and
+# without reassoc: the last bit of a sum then depended on the function that a step is compiled into.
 FASTMATH = {"contract", "arcp", "afn", "nsz"}
-# Of LLVM: for the functions that run, and for helpers, which are optimised again inside them.
+# LLVM's levels for functions that run, and for helpers, which are optimised again inside them.
 FULL_OPT: Any = numba.config.OPT  # type: ignore[attr-defined]
 HELPER_OPT = 1
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "fastmath": FASTMATH, "_nrt": False}
 
 
 def cache_home() -> Path:
-    """Folder for everything that can be recomputed; `SPH_GYM_CACHE` overrides it."""
+    """Return the folder for all that can be recomputed; `SPH_GYM_CACHE` overrides it."""
     if chosen := os.environ.get("SPH_GYM_CACHE"):
         return Path(chosen)
     if sys.platform == "win32":
@@ -43,8 +43,9 @@ def cache_home() -> Path:
 
 @cache
 def source_hash() -> str:
-    """Hash of the solver's sources and of the compiler: the key of all that they produce."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version} {target.KEY}".encode())
+    """Return a hash of the solver's sources and of the compiler: the key of all they produce."""
+    versions = f"{numba.__version__} {sys.version} {target.KEY} {FULL_OPT}"
+    digest = hashlib.sha256(versions.encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
@@ -61,10 +62,15 @@ class _LightHelpers(Compiler):
         """Compile `func`; its helpers are compiled meanwhile, before its own lowering."""
         config: Any = numba.config
         previous, config.OPT = config.OPT, HELPER_OPT
+        # numba makes millions of objects, which the collector would walk through again and again
+        collecting = gc.isenabled()
+        gc.disable()
         try:
             return super().compile_extra(func)
         finally:
             config.OPT = previous
+            if collecting:
+                gc.enable()
 
     def define_pipelines(self) -> list[Any]:
         """The default pipeline with one more pass right before code is made."""
@@ -110,19 +116,32 @@ def jit(function: Function) -> Function:
         config.CACHE_DIR = previous
 
 
+def announce_compilation(say: Callable[[str], Any] | None) -> None:
+    """Call `say` with a sentence whenever the solver is about to be compiled; None: never."""
+    global _announce
+    _announce = say
+
+
+_announce: Callable[[str], Any] | None = None
+LONGEST = "advance"
+
+
 def _forgiving(dispatcher: Any) -> Any:
     """Let a compiled function do without its cache where that fails: it only saves time."""
     stored = dispatcher._cache
     load, save = stored.load_overload, stored.save_overload
 
     def careful_load(*arguments: Any) -> Any:
+        found = None
         try:
-            return load(*arguments)
+            found = load(*arguments)
         except Exception as error:  # whatever a torn file raises when it is unpickled
             _say(f"machine code in {stored.cache_path} is damaged and made anew: {error!r}")
-        with suppress(OSError):
-            stored.flush()
-        return None
+            with suppress(OSError):
+                stored.flush()
+        if found is None and _announce is not None and dispatcher.__name__ == LONGEST:
+            _announce("compiling the solver for this kind of scene: some 10 s, once a machine")
+        return found
 
     def careful_save(*arguments: Any) -> None:
         try:
@@ -139,7 +158,7 @@ def _say(text: str) -> None:
 
 
 def jitable(function: Function) -> Function:
-    """A helper that is compiled into the `jit` functions which call it; plain Python otherwise."""
+    """Make a helper that is compiled into the `jit` functions which call it."""
     return register_jitable(**OPTIONS)(function)
 
 
@@ -178,23 +197,3 @@ def dispatch(function: Callable[..., Any]) -> Family:
     family.member = member  # type: ignore[attr-defined]
     overload(family, strict=False, jit_options=OPTIONS)(choose)
     return cast(Family, family)
-
-
-def absent_if_none(function: Function) -> Function:
-    """Let `function` return None, at compile time, where its first argument is None.
-
-    A compiled `if x is None: return None` would make every result one that might be None.
-    """
-
-    def absent(first: Any, *rest: Any) -> Any:
-        return None
-
-    def either(first: Any, *rest: Any) -> Any:
-        return None if first is None else function(first, *rest)
-
-    def choose(first: Any, *rest: Any) -> Callable[..., Any]:
-        return absent if isinstance(first, types.NoneType) else function
-
-    either.__name__, either.__doc__ = function.__name__, function.__doc__
-    overload(either, strict=False, jit_options=OPTIONS)(choose)
-    return cast(Function, either)

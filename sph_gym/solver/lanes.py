@@ -22,6 +22,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.datamodel import models
+from numba.core.registry import cpu_target
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import (
     NativeValue,
@@ -132,12 +133,6 @@ class Code:
         """Number of lanes of an LLVM type."""
         return int(llvm.count) if isinstance(llvm, ir.VectorType) else 1
 
-    def shaped(self, element: Any, like: Any) -> Any:
-        """`element` in as many lanes as `like` has."""
-        if isinstance(like, ir.VectorType):
-            return ir.VectorType(element, like.count)
-        return element
-
     def splat(self, value: Any, llvm: Any) -> Any:
         """`value` in all lanes of type `llvm`."""
         if not isinstance(llvm, ir.VectorType):
@@ -162,9 +157,9 @@ class Code:
         each = [ir.Constant(integer, k) for k in range(like.count)]
         return ir.Constant(ir.VectorType(integer, like.count), each)
 
-    def address(self, array: Any, index: Any, k: int = 0) -> Any:
-        """Where element `index` of the array that is argument `k` lies."""
-        data = self.context.make_array(self.sig.args[k])(self.context, self.builder, array).data
+    def address(self, array: Any, index: Any) -> Any:
+        """Return the address of element `index` of the array that is the first argument."""
+        data = self.context.make_array(self.sig.args[0])(self.context, self.builder, array).data
         return self.builder.gep(data, [index], inbounds=True)
 
     def as_vector(self, address: Any, llvm: Any) -> Any:
@@ -660,13 +655,9 @@ def _unbox_shape(typ: Any, value: Any, context: Any) -> Any:
 
 
 def record_size(value: Any) -> int:
-    """Bytes that `pack` needs for nested tuples of numbers and arrays."""
-    raise NotImplementedError("records are for compiled code")
-
-
-@_emits(record_size, lambda value: signature(types.intp, value))
-def _record_size(code: Code, value: Any) -> Any:
-    return ir.Constant(code.out, code.context.get_abi_sizeof(value.type))
+    """Return the bytes that `pack` needs for nested tuples of numbers and arrays."""
+    context = cpu_target.target_context
+    return int(context.get_abi_sizeof(context.get_value_type(numba.typeof(value))))
 
 
 def pack(record: Any, value: Any) -> None:
@@ -692,3 +683,26 @@ def _unpack(code: Code, records: Any, i: Any, shape: Any) -> Any:
     stride = code.builder.extract_value(array.strides, 0)
     start = code.builder.gep(array.data, [code.builder.mul(i, stride)])
     return code.builder.load(code.as_vector(start, code.out), align=1)
+
+
+# --- Named tuples ---------------------------------------------------------------------------
+
+
+def replaced(value: Any, name: str, part: Any) -> Any:
+    """Return the named tuple `value` with another `part`, of the same type, called `name`."""
+    return value._replace(**{name: part})
+
+
+def _replaced_typing(value: Any, name: Any, part: Any) -> Any:
+    if not (isinstance(value, types.BaseNamedTuple) and isinstance(name, types.StringLiteral)):
+        return None
+    kinds: Any = value
+    own = kinds.types[kinds.fields.index(name.literal_value)]
+    return signature(value, value, name, own)
+
+
+@_emits(replaced, _replaced_typing)
+def _replaced(code: Code, value: Any, name: Any, part: Any) -> Any:
+    kind = code.sig.args[0]
+    index = kind.fields.index(code.sig.args[1].literal_value)
+    return code.builder.insert_value(value, part, index)

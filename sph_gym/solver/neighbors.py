@@ -1,12 +1,12 @@
-"""Who may be a neighbour of whom: a cell grid, and brute force behind the same interface.
+"""The neighbour search: a cell grid, and lists of the neighbours of groups of particles.
 
 Fluid particles are kept sorted by cell. A *group* is as many consecutive particles of a row of
 cells as there are lanes; its neighbours are written down once a step, as indices of all particles
 within the support radius of the rectangle around the group, first the fluid's, then the wall's.
 Density and force then run over that list.
 
-`frame=None` means brute force: no cells, no rectangles, no list, everybody is everybody's
-neighbour. If a run goes well so and not with the grid, the fault is in this file.
+Brute force is a grid of one cell with an infinite reach: every list holds all particles. If a run
+goes well with it and not with the grid, the fault is in this file.
 """
 
 import math
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.solver.jit import absent_if_none, jitable
+from sph_gym.solver.jit import jitable
 from sph_gym.solver.lanes import (
     append,
     broadcast,
@@ -46,6 +46,8 @@ STRAY = 3.0
 
 class Grid(NamedTuple):
     """Cells h high and h/4 wide, slightly enlarged; particles outside belong to the edge cells.
+
+    Brute force has one cell.
 
     Clamping keeps the distance between two cells from growing, so neighbours are found wherever
     they are; a crowd outside costs time, nothing else.
@@ -79,21 +81,21 @@ class Window(NamedTuple):
 
 
 class Sorting(NamedTuple):
-    """What the sort needs besides the particles.
+    """The arrays that the sort needs besides the particles.
 
-    frame: (6,) the numbers of the present `Grid`, None for brute force; counts: (n_threads,
+    frame: (6,) the numbers of the present `Grid`; counts: (n_threads,
     n_cells) and cells: (n_particles,) scratch; shares: (n_threads,) particles in the cells that
     are each thread's part.
     """
 
-    frame: Floats | None
+    frame: Floats
     counts: Indices
     cells: Indices
     shares: Any
 
 
 class Lists(NamedTuple):
-    """The neighbours of every group; None for brute force.
+    """The neighbours of every group.
 
     entries: indices of particles, a part of the array for each thread; groups: (4 n,) for the
     group that begins with fluid particle i, from 4 i on: where in `entries` its fluid neighbours
@@ -107,9 +109,9 @@ class Lists(NamedTuple):
 # --- Cells ----------------------------------------------------------------------------------
 
 
-@absent_if_none
+@jitable
 def read_grid(frame):
-    """The grid that is in force; None for brute force."""
+    """Return the present grid."""
     return Grid(frame[0], frame[1], frame[2], frame[3], int(frame[4]), int(frame[5]))
 
 
@@ -134,51 +136,48 @@ def _row(grid, y):
 @jitable
 def cell(grid, x, y):
     """Index of the cell in which a particle at x, y [m] is kept."""
-    if grid is None:
-        return 0
     return _row(grid, y) * grid.n_columns + _column(grid, x)
-
-
-@jitable
-def count_rows(grid):
-    """Number of rows of cells."""
-    if grid is None:
-        return 1
-    return grid.n_rows
-
-
-@jitable
-def count_cells(grid):
-    """Number of cells."""
-    if grid is None:
-        return 1
-    return grid.n_columns * grid.n_rows
 
 
 @jitable
 def row_range(grid, start, row):
     """First and last-plus-one particle of a row of cells."""
-    if grid is None:
-        return entry(start, 0), entry(start, 1)
     return entry(start, row * grid.n_columns), entry(start, (row + 1) * grid.n_columns)
 
 
 @jitable
-def move(source, target, i, k):
-    """target[k] = source[i], for columns that there may be."""
+def copy_entry(source, target, i, k):
+    """target[k] = source[i], for columns that may be absent."""
     if source is None:
         return
     target[k] = source[i]
 
 
 @jitable
-def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start):
+def copy_state(source, target, i, k):
+    """Copy all that makes the state of particle i of `source` to place k of `target`."""
+    target.x[k] = source.x[i]
+    target.y[k] = source.y[i]
+    target.u[k] = source.u[i]
+    target.v[k] = source.v[i]
+    target.id[k] = source.id[i]
+    copy_entry(source.ax, target.ax, i, k)
+    copy_entry(source.ay, target.ay, i, k)
+    copy_entry(source.tx, target.tx, i, k)
+    copy_entry(source.ty, target.ty, i, k)
+    copy_entry(source.growth, target.growth, i, k)
+    copy_entry(source.offset, target.offset, i, k)
+
+
+@jitable
+def sort_into_cells(rank, n_threads, team, source, target, sorting, start):
     """Copy the state from `source` to `target` in the order of their cells.
 
     A stable counting sort, each thread moving its share. Afterwards cell c holds
     target[start[c]:start[c + 1]]. Returns False if the team was told to stop.
     """
-    n_cells = count_cells(grid)
+    grid = read_grid(sorting.frame)
+    n_cells = grid.n_columns * grid.n_rows
     counts, cells = sorting.counts, sorting.cells
     for c in range(n_cells):
         counts[rank, c] = 0
@@ -195,17 +194,7 @@ def sort_into_cells(rank, n_threads, team, grid, source, target, sorting, start)
         c = cells[i]
         k = counts[rank, c]
         counts[rank, c] = k + 1
-        target.x[k] = source.x[i]
-        target.y[k] = source.y[i]
-        target.u[k] = source.u[i]
-        target.v[k] = source.v[i]
-        target.id[k] = source.id[i]
-        move(source.ax, target.ax, i, k)
-        move(source.ay, target.ay, i, k)
-        move(source.tx, target.tx, i, k)
-        move(source.ty, target.ty, i, k)
-        move(source.growth, target.growth, i, k)
-        move(source.offset, target.offset, i, k)
+        copy_state(source, target, i, k)
     return meet(team, n_threads)
 
 
@@ -258,7 +247,8 @@ def lay_grid(frame, fluid, h, n_cells):
 
     Where a few strays would make it larger than `n_cells`, it covers the bulk of the fluid.
     """
-    if frame is None:
+    if frame[4] * frame[5] == 1.0:
+        # brute force has nothing to lay
         return True
     height = SLACK * h
     cell_width = height / COLUMNS_PER_SUPPORT
@@ -312,17 +302,13 @@ BEGIN, MIDDLE, END, SIZE = 0, 1, 2, 3
 
 @jitable
 def neighbor(lists, k):
-    """The k-th neighbour: with brute force that is particle k."""
-    if lists is None:
-        return k
+    """Return the index of the k-th neighbour."""
     return entry(lists.entries, k)
 
 
 @jitable
 def own_part(lists, rank, n_threads):
     """Where in `entries` a thread's list begins and has to end."""
-    if lists is None:
-        return 0, 0
     return share(lists.entries.size, rank, n_threads)
 
 
@@ -340,7 +326,7 @@ def rest_of_block(i, n_lanes, n):
 @jitable
 def _next_block(grid, start, n_lanes, i):
     """The first particle from i on with which a block may begin."""
-    for row in range(count_rows(grid)):
+    for row in range(grid.n_rows):
         low, high = row_range(grid, start, row)
         if i < high:
             blocks = (max(i - low, 0) + n_lanes - 1) // n_lanes
@@ -356,35 +342,21 @@ def own_blocks(grid, start, n, n_lanes, rank, n_threads):
 
 
 @jitable
-def group_size(lists, i, most):
-    """How many particles, `most` at most, are in the group that begins with fluid particle i."""
-    if lists is None:
-        return most
+def group_size(lists, i):
+    """Return the number of particles in the group that begins with fluid particle i."""
     return entry(lists.groups, 4 * i + SIZE)
 
 
 @jitable
-def fluid_range(lists, i, n_fluid):
-    """Where the fluid neighbours of the group of particle i begin and end."""
-    if lists is None:
-        return 0, n_fluid
+def fluid_range(lists, i):
+    """Return where the fluid neighbours of the group of particle i begin and end."""
     return entry(lists.groups, 4 * i + BEGIN), entry(lists.groups, 4 * i + MIDDLE)
 
 
 @jitable
-def wall_range(lists, i, n_walls):
-    """Where its wall neighbours begin and end."""
-    if lists is None:
-        return 0, n_walls
+def wall_range(lists, i):
+    """Return where the wall neighbours of the group of particle i begin and end."""
     return entry(lists.groups, 4 * i + MIDDLE), entry(lists.groups, 4 * i + END)
-
-
-@jitable
-def count(particles):
-    """How many there are; 0 for None."""
-    if particles is None:
-        return 0
-    return particles.id.size
 
 
 @jitable
@@ -439,10 +411,11 @@ def collect(window, start, n_columns, sources, h2, lists, k, room):
 
 
 @jitable
-def _first_image(period):
+def _first_image(period, grid):
     if period is None:
         return 0
-    return -1
+    # with brute force the list holds every particle once, and distances find the nearest image
+    return 0 if grid.n_columns * grid.n_rows == 1 else -1
 
 
 @jitable
@@ -471,7 +444,7 @@ def collect_images(constants, box, grid, start, sources, lists, k, room):
         return k
     period_x, period_y, reach2 = constants.period_x, constants.period_y, constants.reach2
     h = float(constants.h)
-    first_x, first_y = _first_image(period_x), _first_image(period_y)
+    first_x, first_y = _first_image(period_x, grid), _first_image(period_y, grid)
     for a in range(first_x, 1 - first_x):
         shift_x = like(box.x_low, _shift(period_x, a))
         x_low, x_high = box.x_low + shift_x, box.x_high + shift_x
@@ -490,10 +463,10 @@ def collect_images(constants, box, grid, start, sources, lists, k, room):
 
 
 def make_sorting(n_fluid: int, n_walls: int, brute: bool, n_threads: int) -> Sorting:
-    """Arrays to sort so many particles with."""
+    """Return arrays to sort so many particles with; `brute`: into one cell."""
     n_cells = 1 if brute else CELLS_PER_PARTICLE * n_fluid + 64
     return Sorting(
-        None if brute else np.zeros(6),
+        np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0]) if brute else np.zeros(6),
         np.zeros((n_threads, n_cells), np.int32),
         np.zeros(max(n_fluid, n_walls), np.int32),
         np.zeros(n_threads, np.int64),
@@ -501,6 +474,6 @@ def make_sorting(n_fluid: int, n_walls: int, brute: bool, n_threads: int) -> Sor
 
 
 def make_lists(n_fluid: int, n_threads: int, entries_per_particle: float) -> Lists:
-    """Lists with room for so many entries; how many there will be, nobody knows beforehand."""
+    """Return lists with room for so many entries; they grow where that is too little."""
     n_entries = 4096 * n_threads + int(entries_per_particle * n_fluid)
     return Lists(np.zeros(n_entries, np.int32), np.zeros(4 * n_fluid, np.int64))

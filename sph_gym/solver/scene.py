@@ -1,34 +1,24 @@
-"""What is simulated: fluid, effects and geometry, checked once, in Python, at the door."""
+"""Scenes: fluid, effects and geometry, checked once, in Python, at the door."""
 
 import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sph_gym.solver.checks import finite_array, in_range, known, positive
-from sph_gym.solver.gravity import AnyGravity, Gravity
+from sph_gym.solver.effects import Effects
 from sph_gym.solver.integrators import INTEGRATORS, VISCOUS_SHARES
 from sph_gym.solver.kernels import ALL_KERNELS, viscous_share
 from sph_gym.solver.neighbors import NARROWEST_DOMAIN
 from sph_gym.solver.state import Controls
 from sph_gym.solver.walls import Walls
 
-# Of h / dx: beyond it a particle has more than 30,000 neighbours, and a unit is surely wrong.
+# Largest h / dx: beyond it a particle has more than 30,000 neighbours, and a unit is surely wrong.
 WIDEST = 100
-# Of lengths [m] and speeds [m/s]: beyond them powers of h overflow.
+# Smallest and largest lengths [m] and speeds [m/s]: beyond them powers of h overflow.
 SMALLEST, LARGEST = 1e-12, 1e12
-EQUATIONS_OF_STATE = ("tait", "linear")
-VISCOSITY_FORMS = ("laplacian", "morris")
-STRENGTHS = (
-    "artificial_viscosity",
-    "laminar_viscosity",
-    "surface_tension",
-    "quadratic_viscosity",
-    "tensile_correction",
-    "density_diffusion",
-    "shifting",
-)
+EQUATIONS_OF_STATE = ("tait",)
 
 
 @dataclass(frozen=True)
@@ -39,7 +29,7 @@ class Fluid:
     rho0: rest density [kg/m^3]. gamma: Tait's exponent. kernel: density kernel and pressure
     gradient as one choice, "mueller" (the article's) or a matched pair: "wendland_c2", "spiky",
     "cubic_spline", "quintic_spline"; those that begin with "wrong" are what their name says (see
-    kernels.py). eos: "tait", or "linear", which is Tait with gamma = 1.
+    kernels.py). eos: "tait"; with gamma = 1 it is the linear law.
     clamp: whether negative pressures are cut off, as free surfaces want it.
 
     Raises ValueError for values that aren't positive and finite, c0 outside [1e-12, 1e12],
@@ -63,86 +53,13 @@ class Fluid:
         known("fluid.kernel", self.kernel, ALL_KERNELS)
         known("fluid.eos", self.eos, EQUATIONS_OF_STATE)
 
-    @property
-    def exponent(self) -> float:
-        """The exponent in force: gamma, or 1 for the linear law."""
-        return 1.0 if self.eos == "linear" else self.gamma
-
     def stiffness(self, c: float) -> float:
         """Tait's B [Pa] for a sound speed c [m/s]."""
-        return float(self.rho0 * c * c / self.exponent)
+        return float(self.rho0 * c * c / self.gamma)
 
     def sound_speed(self, stiffness: float) -> float:
         """Sound speed [m/s] at rest density for Tait's B [Pa]."""
-        return math.sqrt(self.exponent * stiffness / self.rho0)
-
-
-@dataclass(frozen=True)
-class Effects:
-    """What acts on the fluid besides pressure; whatever is left out costs nothing.
-
-    gravity: (gx, gy) [m/s^2], or one of the kinds in gravity.py.
-    xsph: whether the advection velocity is smoothed; how strongly is a control.
-    artificial_viscosity: alpha, which multiplies the nominal sound speed and the support radius.
-    quadratic_viscosity: beta, of fast approaches. laminar_viscosity: kinematic viscosity nu
-    [m^2/s]; viscosity_form: "laplacian" (of the kernel) or "morris".
-    surface_tension: sigma [N/m]. tensile_correction: epsilon, about 0.2.
-    continuity: a density is rho0 and what the particle's kernel sum has gained since the start,
-    which is the continuity equation integrated exactly; density_diffusion: delta of delta-SPH,
-    about 0.1, for densities by continuity, of which it alone is integrated step by step.
-    shifting: A, about 2, times h and a tenth of c0: particles leave where they are crowded.
-
-    Raises ValueError for values that aren't finite, for negative ones, for a density diffusion
-    without continuity, and for a form of laminar viscosity where there is none.
-    """
-
-    gravity: AnyGravity | tuple[float, float] | None = None
-    xsph: bool = False
-    artificial_viscosity: float | None = None
-    laminar_viscosity: float | None = None
-    surface_tension: float | None = None
-    quadratic_viscosity: float | None = None
-    viscosity_form: str = "laplacian"
-    tensile_correction: float | None = None
-    continuity: bool = False
-    density_diffusion: float | None = None
-    shifting: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.gravity is not None and not isinstance(self.gravity, AnyGravity):
-            vector = finite_array("effects.gravity", self.gravity, (2,))
-            object.__setattr__(self, "gravity", Gravity(float(vector[0]), float(vector[1])))
-        if not isinstance(self.xsph, bool):
-            raise ValueError(
-                "effects.xsph: expected True or False (its strength is Controls.xsph), "
-                f"got {self.xsph!r}"
-            )
-        if not isinstance(self.continuity, bool):
-            raise ValueError(f"effects.continuity: expected True or False, got {self.continuity!r}")
-        known("effects.viscosity_form", self.viscosity_form, VISCOSITY_FORMS)
-        for name in STRENGTHS:
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, in_range(f"effects.{name}", value, 0.0))
-        if self.viscosity_form != VISCOSITY_FORMS[0] and self.laminar_viscosity is None:
-            raise ValueError(
-                "effects.viscosity_form: expected effects.laminar_viscosity with it, got "
-                f"{self.viscosity_form!r} alone"
-            )
-        if self.density_diffusion is not None and not self.continuity:
-            raise ValueError(
-                "effects.density_diffusion: expected continuity=True with it, since a density "
-                f"that is summed needs none, got {self.density_diffusion:g}"
-            )
-
-    @property
-    def field(self) -> AnyGravity | None:
-        """The gravity as one of the kinds in gravity.py."""
-        return None if isinstance(self.gravity, tuple) else self.gravity
-
-    def gravity_at(self, time: float) -> NDArray[np.float64]:
-        """The uniform part of gravity [m/s^2] at a time [s]; zero where there is none."""
-        return np.zeros(2) if self.field is None else self.field.at(time)
+        return math.sqrt(self.gamma * stiffness / self.rho0)
 
 
 def check_controls(controls: Controls) -> Controls:

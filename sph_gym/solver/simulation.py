@@ -1,6 +1,7 @@
 """`Simulation`: a running solver in the hands of a Python user."""
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,8 +9,10 @@ from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, failure, stepping, teams
 from sph_gym.solver.checks import known, number, positive, whole
+from sph_gym.solver.diagnostics import ALL, Request
+from sph_gym.solver.energy import GravityWork, Ledger
 from sph_gym.solver.engine import Engine
-from sph_gym.solver.gravity import CentralGravity, Gravity
+from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.model import particle_mass
 from sph_gym.solver.origin import moved, origin
 from sph_gym.solver.scene import Scene, check_controls
@@ -19,8 +22,8 @@ DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
 # Work of one compiled call [particle-steps]: short enough for Ctrl-C, long enough to cost nothing.
 CHUNK = 2_000_000
-# Particles that a thread gets if nobody says how many threads there should be. Small fluids mostly
-# come in numbers, and then there is better use for the other processors.
+# Particles for each thread by default. Small fluids mostly come in numbers, and then there is
+# better use for the other processors.
 DEFAULT_PER_THREAD = 2000
 MAX_SUBSTEPS = 10**12
 DEFAULT_XSPH = 0.3
@@ -29,12 +32,12 @@ Array = NDArray[np.float64]
 
 
 class Report(NamedTuple):
-    """What one `advance` did.
+    """The result of one `advance`.
 
     n_substeps: steps taken (the one that failed included); dt: their length [s]; diverged: x, v,
     rho or p no longer finite, a speed above 5000 m/s, a particle inside of boundary particles
-    (`density.WALLED`), or more energy from nowhere, or more of it at once, than the ledger
-    tolerates (`diagnostics.Ledger`); cause: "" | "cfl" | "stiffness" | "clumping" |
+    (`tunnelling.INSIDE_WALL`), or more energy from nowhere, or more of it at once, than the
+    ledger tolerates (`energy.Ledger`); cause: "" | "cfl" | "stiffness" | "clumping" |
     "tunnelling" | "energy" | "nan"; link: the link of the chain where it first showed, "" |
     "neighbours" | "density" | "pressure" | "force" | "integration" | "walls"; bad_particle: its
     public index, or -1.
@@ -46,6 +49,25 @@ class Report(NamedTuple):
     cause: str = ""
     link: str = ""
     bad_particle: int = -1
+
+
+@dataclass
+class _Underway:
+    """An `advance` that is under way: its plan, and how far it came.
+
+    seconds, dt, began: [s]; n_substeps: of all; longest: chunk, in substeps; done: substeps.
+    """
+
+    seconds: float
+    n_substeps: int
+    dt: float
+    began: float
+    longest: int
+    done: int = 0
+
+    def time(self, steps: int) -> float:
+        """Return the time [s] after so many substeps."""
+        return self.began + steps * self.dt
 
 
 class Simulation:
@@ -79,18 +101,19 @@ class Simulation:
         self.time = 0.0
         self._controls = self._initial_controls()
         brute = self.neighbors == "brute"
-        # the engine's scene, as seen from there
+        # the engine's scene, whose positions are counted from there
         self._origin = origin(scene, self._float)
         self._shift: tuple[float, float] = tuple(self._origin.tolist())
         self._local = moved(scene, -self._origin)
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
         self._check_densities()
         self._acceleration: tuple[Any, Any] | None = None
+        self._underway: _Underway | None = None
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
-        self._ledger = diagnostics.Ledger(self._totals, *self._energy_scales())
-        self._uniform = self._uniform_gravity()
-        self._power = self._gravity_power()
+        self._ledger = Ledger(self._local, self.mass, self._totals)
+        self._gravity = GravityWork(self._local, self.mass)
+        self._gravity.look(0.0, self._local_x, self.v)
         self._substeps, self._onset = 0.0, failure.Onset()
         self._nominal_dt()
 
@@ -151,7 +174,7 @@ class Simulation:
 
     @property
     def energy_at_stake(self) -> float:
-        """What the tripwire measures it by [J/m]; see `diagnostics.Ledger`."""
+        """The energy that the tripwire measures it by [J/m]; see `energy.Ledger`."""
         return self._ledger.stake
 
     @property
@@ -181,15 +204,66 @@ class Simulation:
         substeps and leaves a state to go on from. Raises ValueError if `seconds` isn't positive
         or would take more than 10^12 substeps.
         """
-        journey = Journey(self, seconds)
-        while not journey.over:
+        self.begin(seconds)
+        while self.is_underway:
             try:
-                steps, bad = self.engine.run(*journey.next_leg())
+                steps, bad = self.engine.run(*self.next_chunk())
             except KeyboardInterrupt:
-                journey.interrupt()
+                self.interrupt()
                 raise
-            journey.book(steps, bad)
+            self.finish_chunk(steps, bad)
         return self.last_report
+
+    # An `advance` in parts, which `batch.advance_all` does for many simulations at once.
+
+    def begin(self, seconds: float) -> None:
+        """Plan an `advance` in chunks of at most a frame: `next_chunk`, `finish_chunk`."""
+        n_substeps = self._count_substeps(seconds)
+        dt = seconds / n_substeps
+        frame = max(math.ceil(self.scene.frame / dt), 1)
+        longest = min(frame, max(CHUNK // self.n_particles, 1))
+        self._underway = _Underway(seconds, n_substeps, dt, self.time, longest)
+        self.last_report = Report(0, dt)
+
+    @property
+    def is_underway(self) -> bool:
+        """Whether an `advance` was begun and is not finished."""
+        return self._underway is not None
+
+    def next_chunk(self) -> tuple[float, float, int]:
+        """Return time [s] at its start, dt [s] and number of substeps of the next chunk."""
+        plan = self._plan()
+        n_substeps = min(plan.n_substeps - plan.done, plan.longest)
+        return plan.time(plan.done), plan.dt, n_substeps
+
+    def finish_chunk(self, steps: int, bad: int) -> None:
+        """Enter a chunk into sums, clock and report.
+
+        steps: that were done; bad: place in the arrays of a particle that failed, or -1.
+        """
+        plan = self._plan()
+        plan.done += steps
+        self._substeps += steps
+        began, self.time = self.time, plan.time(plan.done - (bad >= 0 and not self.engine.whole))
+        self._acceleration = None
+        report = Report(plan.done, plan.dt)
+        self.last_report = self._failed(report, bad) if bad >= 0 else self._audit(report, began)
+        if self.last_report.diverged:
+            self._underway = None
+        elif plan.done == plan.n_substeps:
+            self.time, self._underway = plan.began + plan.seconds, None
+
+    def interrupt(self) -> None:
+        """End an interrupted `advance`, and leave a state to go on from."""
+        plan, steps = self._plan(), self.engine.steps
+        self.engine.recover(plan.time(plan.done + steps))
+        self.finish_chunk(steps, -1)
+        self._underway = None
+
+    def _plan(self) -> _Underway:
+        if self._underway is None:
+            raise RuntimeError("no advance is under way")
+        return self._underway
 
     def _count_substeps(self, seconds: float) -> int:
         positive("seconds", seconds)
@@ -201,21 +275,8 @@ class Simulation:
             )
         return max(math.ceil(ratio), 1)
 
-    def _longest_leg(self, dt: float) -> int:
-        """As many substeps as one compiled call should take, at most a frame's worth."""
-        frame = max(math.ceil(self.scene.frame / dt), 1)
-        return min(frame, max(CHUNK // self.n_particles, 1))
-
-    def _book(self, report: Report, bad: int, now: float) -> Report:
-        """Bring the sums up to date after a leg, and look whether it went well."""
-        began, self.time = self.time, now
-        self._acceleration = None
-        if bad >= 0:
-            return self._failed(report, bad)
-        return self._audit(report, began)
-
     def _audit(self, report: Report, began: float) -> Report:
-        """Book the energy of this leg; more of it than there can be is a blow-up."""
+        """Book the energy of a chunk; more of it than there can be is a blow-up."""
         surplus, before, self._totals = self.energy_surplus, self._totals, self._sum()
         if self.scene.effects.field is not None:
             self._ledger.add_gravity(self._gravity_work(before, began))
@@ -225,49 +286,15 @@ class Simulation:
         return self._failed(report, int(np.argmax(fluid.u**2 + fluid.v**2)))
 
     def _gravity_work(self, before: diagnostics.Totals, began: float) -> float:
-        """Work of gravity [J/m] since `began` [s]: exact where it is uniform, else trapezoidal."""
-        if self._uniform is not None:
-            mean_x, mean_y = self._uniform.mean(began, self.time)
-            path_x = self._totals.com_x - before.com_x
-            path_y = self._totals.com_y - before.com_y
-            return self.mass * self.n_fluid * (mean_x * path_x + mean_y * path_y)
-        power, self._power = self._power, self._gravity_power()
-        return (self.time - began) * (power + self._power) / 2
-
-    def _uniform_gravity(self) -> Gravity | None:
-        """The scene's gravity if the path of the centre of mass is all that its work depends on."""
-        walls, field = self.scene.walls, self.scene.effects.field
-        periodic = walls is not None and walls.is_periodic
-        return field if isinstance(field, Gravity) and not periodic else None
-
-    def _gravity_power(self) -> float:
-        """Power of gravity [W/m] on the present state."""
-        field, n = self._local.effects.field, self.n_fluid
-        if field is None:
-            return 0.0
-        x, v = self._places[:n].astype(np.float64), self.v[:n].astype(np.float64)
-        return self.mass * float((field.on(self.time, x, v) * v).sum())
-
-    def _energy_scales(self) -> tuple[float, float, bool]:
-        """Energies that are at stake and that are nothing (rest), and whether walls do work.
-
-        At stake are the weight times the size of the fluid, its motion with the speed of the
-        walls, and the surface that it may lose.
-        """
-        scene, fluid_mass = self._local, self.mass * self.n_fluid
-        size = float(np.ptp(np.asarray(scene.x), axis=0).sum()) + scene.dx
-        reach = float(np.abs(np.asarray(scene.x)).max()) + size
-        weight = 0.0 if scene.effects.field is None else scene.effects.field.strongest(reach)
-        top_speed = 0.0 if scene.walls is None else scene.walls.top_speed
-        surface = 4 * size * (scene.effects.surface_tension or 0.0)
-        at_stake = fluid_mass * (weight * size + top_speed**2) + surface
-        rest = fluid_mass * (diagnostics.Ledger.REST * scene.fluid.c0) ** 2
-        return at_stake, rest, top_speed > 0
+        """Return the work of gravity [J/m] since `began` [s]."""
+        if self._gravity.uniform is not None:
+            return self._gravity.along_path(began, self.time, before, self._totals)
+        return self._gravity.trapezoidal(began, self.time, self._local_x, self.v)
 
     # --- failure ----------------------------------------------------------------------------
 
     def _failed(self, report: Report, bad: int) -> Report:
-        """Which particle, which link, and why; `bad` is a place in the arrays."""
+        """Find out which particle, which link, and why; `bad` is a place in the arrays."""
         engine = self.engine
         # no other particle fails at the end of a step
         walled, index = engine.whole and engine.bad >= 0, engine.fluid.id[bad]
@@ -335,12 +362,12 @@ class Simulation:
     @property
     def x(self) -> Array:
         """(n, 2) positions [m], fluid first, in the order of the scene."""
-        places = self._places
-        return (places + self._origin).astype(self._float) if self._origin.any() else places
+        x = self._local_x
+        return (x + self._origin).astype(self._float) if self._origin.any() else x
 
     @property
-    def _places(self) -> Array:
-        """(n, 2) positions [m] as the engine counts them."""
+    def _local_x(self) -> Array:
+        """(n, 2) positions [m] from the engine's origin."""
         fluid, walls = self.engine.fluid, self.engine.walls
         of_walls = () if walls is None else (walls.x, walls.y)
         return self._columns(fluid.x, fluid.y, *of_walls)
@@ -398,9 +425,11 @@ class Simulation:
         """
         totals, scene, (x, y) = self._totals, self.scene, self._shift
         gravity = scene.effects.gravity_at(self.time)
-        survey, self._acceleration = self.engine.survey(
-            self._acceleration, self.time, gravity, totals[2:4], scene.dx
-        )
+        gx, gy = gravity.tolist()
+        clumped = diagnostics.CLUMPED * scene.dx
+        request = Request(ALL, self.time, gx, gy, totals.com_x, totals.com_y, clumped)
+        survey = self.engine.survey(self._acceleration is None, request)
+        self._acceleration = self.engine.known_accelerations()
         return {
             "time": self.time,
             "density_error": totals.compression,
@@ -439,7 +468,7 @@ class Simulation:
         """[J/m] in the uniform part of gravity (2,) [m/s^2], or in a central field."""
         field, n = self._local.effects.field, self.n_fluid
         if isinstance(field, CentralGravity):
-            r2 = ((self._places[:n].astype(np.float64) - (field.x, field.y)) ** 2).sum()
+            r2 = ((self._local_x[:n].astype(np.float64) - (field.x, field.y)) ** 2).sum()
             return 0.5 * self.mass * field.omega**2 * float(r2)
         (gx, gy), (x, y) = gravity.tolist(), self._shift
         return -self.mass * n * (gx * (self._totals.com_x + x) + gy * (self._totals.com_y + y))
@@ -454,7 +483,7 @@ class Simulation:
             "clock": self.engine.clock,
             "controls": tuple(self._controls),
             "ledger": self._ledger.state(),
-            "power": self._power,
+            "power": self._gravity.power,
             "totals": tuple(self._totals),
             "substeps": self._substeps,
             "onset": tuple(self._onset),
@@ -489,46 +518,10 @@ class Simulation:
                 raise ValueError(f"snapshot: expected finite numbers in {name}")
         if not np.array_equal(np.sort(fluid["id"]), np.arange(self.n_fluid)):
             raise ValueError("snapshot: expected every particle's id once")
-        self.time, self._controls, self._totals, self._power = time, controls, totals, power
+        self.time, self._controls, self._totals = time, controls, totals
+        self._gravity.power, self._underway = power, None
         self._ledger.set_state(numbers)
         self._substeps, self._onset = substeps, onset
         self.engine.set_controls(controls)
         self.engine.set_state(fluid, clock)
         self._acceleration = None
-
-
-class Journey:
-    """One `advance`, cut into legs of at most a frame: what is to be done, and what was."""
-
-    def __init__(self, sim: Simulation, seconds: float) -> None:
-        self.sim, self._seconds, self._began = sim, seconds, sim.time
-        self._n_substeps, self._done = sim._count_substeps(seconds), 0
-        self._dt = seconds / self._n_substeps
-        self._longest = sim._longest_leg(self._dt)
-        self.over = False
-        sim.last_report = Report(0, self._dt)
-
-    def _time(self, steps: int) -> float:
-        return self._began + steps * self._dt
-
-    def next_leg(self) -> tuple[float, float, int]:
-        """Time [s] at its start, dt [s] and number of substeps of the next compiled call."""
-        n_substeps = min(self._n_substeps - self._done, self._longest)
-        return self._time(self._done), self._dt, n_substeps
-
-    def interrupt(self) -> None:
-        """Enter what an interrupted leg did, and leave a state to go on from."""
-        steps = self.sim.engine.steps
-        self.sim.engine.recover(self._time(self._done + steps))
-        self.book(steps, -1)
-
-    def book(self, steps: int, bad: int) -> None:
-        """Enter what a leg did into the simulation's sums, clock and report."""
-        sim = self.sim
-        self._done += steps
-        sim._substeps += steps
-        now = self._time(self._done - (bad >= 0 and not sim.engine.whole))
-        sim.last_report = sim._book(Report(self._done, self._dt), bad, now)
-        self.over = sim.last_report.diverged or self._done == self._n_substeps
-        if self.over and not sim.last_report.diverged:
-            sim.time = self._began + self._seconds

@@ -76,3 +76,8 @@ def empty_like(particles: Any) -> Any:
     """A second set of arrays of the same shapes and types."""
     present = {name: array for name, array in particles._asdict().items() if array is not None}
     return particles._replace(**{name: np.zeros_like(array) for name, array in present.items()})
+
+
+def state_like(particles: Any) -> Any:
+    """Return arrays for the columns that make the state; all else follows from them."""
+    return empty_like(particles._replace(rho=None, stress=None, nx=None, ny=None))

@@ -3,25 +3,32 @@
 import math
 from typing import Any, NamedTuple
 
-from sph_gym.solver.density import (
-    Alone,
-    Constants,
-    Extrapolation,
-    add_weights,
-    compute_fluid_density,
+from sph_gym.solver.boundary import (
     compute_wall_density,
     compute_wall_sums,
     extrapolate,
-    store_density,
+    move_walls,
 )
+from sph_gym.solver.density import compute_fluid_density, store_density
 from sph_gym.solver.diagnostics import sum_up, survey
-from sph_gym.solver.effects import PairEffects
-from sph_gym.solver.integrators import end_step, evaluates_last, move, moves, rates, settle
-from sph_gym.solver.jit import jit, jitable
-from sph_gym.solver.lanes import like, load, store, unpack, width
+from sph_gym.solver.forces import rates
+from sph_gym.solver.integrators import (
+    KickDriftKick,
+    PredictorCorrector,
+    SymplecticEuler,
+    end_step,
+    evaluates_last,
+    move,
+    moves,
+    settle,
+)
+from sph_gym.solver.jit import dispatch, jit, jitable
+from sph_gym.solver.lanes import load, store, unpack, width
+from sph_gym.solver.model import with_controls
 from sph_gym.solver.neighbors import (
     Lists,
     Sorting,
+    copy_state,
     group_size,
     lay_grid,
     own_blocks,
@@ -30,52 +37,30 @@ from sph_gym.solver.neighbors import (
     sort_into_cells,
 )
 from sph_gym.solver.state import Indices, Particles
-from sph_gym.solver.teams import meet
-from sph_gym.solver.walls import Box, Plates, Stroke, stroke_at, wrap_far
+from sph_gym.solver.teams import meet, share
 
 # The article's limits. Its 0.4 h^2/nu diverges where h is the support radius; 0.125: Morris 1997.
 COURANT = 0.4
 FORCE = 0.25
 VISCOUS = 0.125
 
-# Columns of `World.status`: steps done by thread 0, the first particle in a thread's share that
-# failed or -1, whether a thread's list was too short; the particles that are its share; where in
-# a step the call ended, see below; where the fluid's part of the thread's list ends; the first
-# particle in its share that is inside of a wall or -1.
-STEPS, BAD, FULL, FIRST, LAST, STAGE, LISTED, WALLED = 0, 1, 2, 3, 4, 5, 6, 7
+# Columns of `World.status`, one row a thread: steps done; the first particle of its share that
+# failed, or -1; whether its list was too short; the particles that are its share; where the
+# fluid's part of its list ends; the first particle of its share that is inside a wall, or -1;
+# whether `fluid` is the whole state at the end of the last step.
+STEPS, BAD, FULL, FIRST, LAST, LISTED, WALLED, WHOLE = range(8)
 N_STATUS = 8
-# What is to be done before the next step: nothing; densities and lists, from `spare`; rates too,
-# since they depend on what has changed; densities and the second half of the present step.
-FRESH, UNSORTED, UNKNOWN, HALFWAY = 0, 1, 2, 3
+# What is not up to date when a call begins: nothing; the pressures; densities and lists, for the
+# state in `spare`; the same and the rates, since they depend on what has changed.
+FRESH, UNPRESSED, UNSORTED, UNKNOWN = 0, 1, 2, 3
 # Steps after which the grid follows the fluid within a call.
 LAY_EVERY = 64
-
-
-class Model(NamedTuple):
-    """All that doesn't change within a call; absent parts are None and compiled away.
-
-    halves: the integrator once more, if its steps have a second half.
-    """
-
-    kernel: Any
-    eos: Any
-    constants: Constants
-    effects: PairEffects
-    wall_effects: PairEffects
-    gravity: Any
-    box: Box | None
-    plates: Plates | None
-    alone: Alone | None
-    extrapolation: Extrapolation | None
-    stroke: Stroke | None
-    integrator: Any
-    halves: Any
 
 
 def stable_dt(
     h: float, c: float, a_max: float, nu: float | None, viscous: float = VISCOUS
 ) -> float:
-    """The largest step [s] that the article allows: min(CFL, force limit, viscous limit).
+    """Return the largest step [s] that the article allows: min(CFL, force limit, viscous limit).
 
     h: support radius [m]; c: sound speed [m/s]; a_max: largest |a| [m/s^2]; nu: kinematic
     viscosity [m^2/s] or None; viscous: share of h^2 / nu, which depends on the kernel
@@ -89,30 +74,48 @@ def stable_dt(
     return limit
 
 
-class World(NamedTuple):
-    """All arrays of a simulation. Absent parts are None.
+class Cells(NamedTuple):
+    """The particles in the order of their cells, and the lists of their neighbours.
 
-    fluid: the state, in the order of its cells, with densities and pressures; spare: the same
-    state as the last step left it, or scratch; start, wall_start: (n_cells + 1,) first particle
-    of every cell; walls: in the order of the cells; wall_source: in public order; wall_rest: the
-    same before they moved, moves: (n,) 1 for those that move; wall_sums, source_sums: kernel sums
-    of wall particles over each other, in the two orders; status: (n_threads, 8) int64, see the
-    constants above; team: flags of the threads; totals: (9,) of the state, see
-    `diagnostics.Totals`; clock: (1,) time [s] of the state and of the walls.
+    fluid: with densities and pressures; start, wall_start: (n_cells + 1,) first particle of every
+    cell; wall_sums: kernel sums of boundary particles over each other. Absent parts are None.
     """
 
     fluid: Particles
-    spare: Particles
     start: Indices
     walls: Particles | None
-    wall_source: Particles | None
-    wall_rest: Particles | None
-    moves: Any
     wall_start: Indices | None
     wall_sums: Any
-    source_sums: Any
+    lists: Lists
+
+
+class WallSource(NamedTuple):
+    """Boundary particles in public order; all are None where there are none.
+
+    particles: as they are now; rest: the same before they moved, moves: (n,) 1 for those that
+    move, None if none do; sums: kernel sums over each other.
+    """
+
+    particles: Particles | None
+    rest: Particles | None
+    moves: Any
+    sums: Any
+
+
+class World(NamedTuple):
+    """All arrays of a simulation.
+
+    cells: the state; spare: the state that the last move made, or scratch; backup: the state when
+    the last call began; walls: what the walls of `cells` are sorted from; status: (n_threads, 8)
+    int64, see the constants above; team: flags of the threads; totals: (9,) of the state, see
+    `diagnostics.Totals`; clock: (1,) time [s] of the state and of the walls.
+    """
+
+    cells: Cells
+    spare: Particles
+    backup: Particles
+    walls: WallSource
     sorting: Sorting
-    lists: Lists | None
     status: Any
     team: Any
     totals: Any
@@ -124,111 +127,107 @@ class World(NamedTuple):
 
 @jitable
 def sort_all(rank, n_threads, laying, world, model, time):
-    """The fluid from `spare` to `fluid` in the order of its cells, on a new grid if `laying`.
+    """Sort the fluid from `spare` to `cells`, on a new grid if `laying`.
 
     The walls are sorted only where they or the grid have moved, and always from the same order,
-    so that a restored run sums in the order of the first. Returns False if the team was told to
+    so that a restored run sums in the order of the first. Return False if the team was told to
     stop.
     """
-    sorting, team, h = world.sorting, world.team, float(model.constants.h)
+    cells, sorting, team, h = world.cells, world.sorting, world.team, float(model.constants.h)
     moved = is_there(model.stroke)
     if laying or moved:
         if rank == 0:
-            moved = move_walls(
-                model.stroke, world.wall_source, world.wall_rest, world.moves, model.constants,
-                time,
-            )  # fmt: skip
+            moved = move_walls(model.stroke, world.walls, model.constants, time)
             if laying:
-                moved = lay_grid(sorting.frame, world.spare, h, world.start.size - 1) or moved
+                moved = lay_grid(sorting.frame, world.spare, h, cells.start.size - 1) or moved
             if moved:
-                _sort_walls(
-                    world.walls, world.wall_source, world.wall_sums, world.source_sums,
-                    rank, rank + 1, team, read_grid(sorting.frame), sorting, world.wall_start,
-                )  # fmt: skip
+                _sort_walls(cells.walls, rank, cells, world.walls, sorting, team)
         if not meet(team, n_threads):
             return False
-    grid = read_grid(sorting.frame)
-    return sort_into_cells(
-        rank, n_threads, team, grid, world.spare, world.fluid, sorting, world.start
-    )  # fmt: skip
+    return sort_into_cells(rank, n_threads, team, world.spare, cells.fluid, sorting, cells.start)
 
 
 @jitable
 def is_there(part):
-    """Whether a part of the model is not absent; known when this is compiled."""
+    """Return whether a part of the model is not absent; known when this is compiled."""
     return part is not None
 
 
 @jitable
-def move_walls(stroke, source, rest, moves, constants, time):
-    """Boundary particles to where they are at a time [s]; whether there are any that move."""
-    if stroke is None:
-        return False
-    _displace(source, rest, moves, constants, stroke, time)
-    return True
-
-
-@jitable
-def _displace(source, rest, moves, constants, stroke, time):
-    if source is None:
-        return
-    x, y, u, v = stroke_at(stroke, time)
-    square = stroke.omega * stroke.omega * math.sin(stroke.omega * time)
-    for i in range(source.id.size):
-        share = moves[i]
-        source.x[i] = wrap_far(constants.period_x, rest.x[i] + share * x)
-        source.y[i] = wrap_far(constants.period_y, rest.y[i] + share * y)
-        source.u[i], source.v[i] = rest.u[i] + share * u, rest.v[i] + share * v
-        source.ax[i], source.ay[i] = -share * stroke.ax * square, -share * stroke.ay * square
-
-
-@jitable
-def _sort_walls(
-    walls, source, wall_sums, source_sums, rank, n_threads, team, grid, sorting, wall_start
-):
+def _sort_walls(walls, rank, cells, source, sorting, team):
     if walls is None:
         return
-    sort_into_cells(rank, n_threads, team, grid, source, walls, sorting, wall_start)
+    sort_into_cells(rank, rank + 1, team, source.particles, walls, sorting, cells.wall_start)
     for i in range(walls.id.size):
-        wall_sums[i] = source_sums[walls.id[i]]
+        cells.wall_sums[i] = source.sums[walls.id[i]]
 
 
 # --- Densities ------------------------------------------------------------------------------
 
 
 @jitable
-def renew_wall_sums(
-    stroke, rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants, team
-):  # fmt: skip
-    """The sums of boundary particles over each other, where these move; True: list too short."""
-    if stroke is None or walls is None:
+def compute_boundary(extrapolation, rank, n_threads, cells, team, model, grid):
+    """Compute densities of boundary particles that are like fluid.
+
+    Return whether a list was too short.
+    """
+    if extrapolation is None:
+        full = renew_wall_sums(model.stroke, rank, n_threads, cells, team, model, grid)
+        return full or compute_wall_density(cells.walls, rank, n_threads, cells, model, grid)
+    return False
+
+
+@jitable
+def renew_wall_sums(stroke, rank, n_threads, cells, team, model, grid):
+    """Compute the sums of boundary particles over each other, where these move.
+
+    Return whether a list was too short.
+    """
+    if stroke is None:
         return False
     full = False
     if rank == 0:
-        full = compute_wall_sums(
-            rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants
-        )
+        full = compute_wall_sums(cells.walls, n_threads, cells, model, grid)
     # a failure at this barrier is found at the next one
     meet(team, n_threads)
     return full
 
 
 @jitable
-def compute_like_fluid(
-    extrapolation, stroke, rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid,
-    lists, kernel, eos, constants, team,
-):  # fmt: skip
-    """Densities of boundary particles that are like fluid. Returns whether a list was too short."""
+def follow_fluid(extrapolation, rank, n_threads, world, model, grid, time):
+    """Give boundary particles the pressure of the fluid, where they wait for it.
+
+    Return False if a list was too short or the team was told to stop.
+    """
     if extrapolation is None:
-        full = renew_wall_sums(
-            stroke, rank, n_threads, walls, wall_sums, wall_start, grid, lists, kernel, constants,
-            team,
-        )  # fmt: skip
-        return full or compute_wall_density(
-            rank, n_threads, walls, wall_sums, wall_start, fluid, start, grid, lists,
-            kernel, eos, constants,
-        )  # fmt: skip
-    return False
+        return True
+    status = world.status
+    status[rank, FULL] = extrapolate(
+        extrapolation, rank, n_threads, status[rank, LISTED], world.cells, model, grid, time
+    )
+    return meet(world.team, n_threads) and not any_full(status, n_threads)
+
+
+@jitable
+def compute_densities(rank, n_threads, cells, status, team, model, grid, length):
+    """Compute lists, densities and pressures, after a sort.
+
+    Boundary particles that follow the fluid come later; length: of the step [s]. Return False if
+    a list was too short or the team was told to stop.
+    """
+    fluid = cells.fluid
+    first, last = own_blocks(grid, cells.start, fluid.id.size, width(fluid.x), rank, n_threads)
+    status[rank, FIRST], status[rank, LAST] = first, last
+    full = compute_boundary(model.extrapolation, rank, n_threads, cells, team, model, grid)
+    _, room = own_part(cells.lists, rank, n_threads)
+    end, walled = room, -1
+    if not full:
+        end, walled = compute_fluid_density(
+            rank, n_threads, first, last, cells, model, grid, length
+        )
+    status[rank, FULL], status[rank, LISTED] = full or end > room, end
+    status[rank, WALLED] = walled
+    return meet(team, n_threads) and not any_full(status, n_threads)
 
 
 # --- Steps ----------------------------------------------------------------------------------
@@ -236,7 +235,7 @@ def compute_like_fluid(
 
 @jitable
 def any_full(status, n_threads):
-    """Whether any thread's list was too short."""
+    """Return whether any thread's list was too short."""
     full = False
     for t in range(n_threads):
         full = full or status[t, FULL] != 0
@@ -245,7 +244,7 @@ def any_full(status, n_threads):
 
 @jitable
 def first_bad(status, n_threads):
-    """The first particle that failed in any thread's share; -1 if none did."""
+    """Return the first particle that failed in any thread's share; -1 if none did."""
     return _first(status, n_threads, BAD)
 
 
@@ -257,29 +256,28 @@ def _first(status, n_threads, kind):
     return -1
 
 
-@jit
-def sum_walls(i, walls, sums, kernel, constants):
-    """Fill `sums` from i on: kernel sums of boundary particles over each other, by brute force."""
-    while i < walls.id.size:
-        x, y = load(walls.x, i), load(walls.y, i)
-        total = add_weights(
-            None, walls, None, 0, walls.id.size, kernel, constants, x, y, like(x, 0.0)
-        )
-        n = min(width(sums), walls.id.size - i)
-        store(sums, i, total, n)
-        i += n
+@jitable
+def any_walled(walls, status, n_threads):
+    """Return whether any particle is inside a wall."""
+    if walls is None:
+        return False
+    return _first(status, n_threads, WALLED) >= 0
 
 
-@jit
-def renew_pressures(worlds, models, world, model):
-    """Pressures that belong to the present densities, after the stiffness has changed.
+@jitable
+def back_up(rank, n_threads, source, backup):
+    """Copy a thread's share of the state with which a call begins."""
+    first, last = share(source.id.size, rank, n_threads)
+    for i in range(first, last):
+        copy_state(source, backup, i, i)
 
-    worlds, models: records; world, model: their shapes.
-    """
-    state, rules = unpack(worlds, 0, world), unpack(models, 0, model)
-    _press(state.fluid, rules.eos)
-    _press(state.walls, rules.eos)
-    sum_up(state.fluid, state.walls, rules.extrapolation, rules.eos, state.totals)
+
+@jitable
+def renew_pressures(fluid, walls, model, totals):
+    """Compute the pressures that belong to the present densities, and the totals."""
+    _press(fluid, model.eos)
+    _press(walls, model.eos)
+    sum_up(fluid, walls, model.extrapolation, model.eos, totals)
 
 
 @jitable
@@ -292,148 +290,95 @@ def _press(particles, eos):
         i += width(particles.rho)
 
 
-@jit
-def evaluate_acceleration(i, fluid, walls, lists, model, time, ax, ay):
-    """Acceleration [m/s^2] of the fluid particles from i on, in the order of `fluid`."""
-    n_fluid = fluid.id.size
-    while i < n_fluid:
-        n = group_size(lists, i, min(width(ax), n_fluid - i))
-        here = rates(i, fluid, walls, lists, model, time)
-        store(ax, i, here.ax, n)
-        store(ay, i, here.ay, n)
-        i += n
+@dispatch
+def complete_step(
+    integrator: Any, rank: int, n_threads: int, world: Any, model: Any, began: Any, length: Any,
+    shown: bool,
+) -> Any:  # fmt: skip
+    """Evaluate forces after the particles have moved from `began` to `began` + `length` [s].
 
-
-@jit
-def examine(
-    worlds, models, world, model, stale, time, ax, ay, gravity, com, clumped, work, numbers
-):
-    """Fill `numbers` with a `diagnostics.Survey`, and ax and ay, if they are `stale`, before.
-
-    worlds, models: records; world, model: their shapes; gravity, com: (2,). One call for both:
-    from Python, a call costs as much as a look at some hundred particles.
+    shown: whether walls without slip may be looked at, which follow velocities. Return False if
+    it failed, a list was too short or the team was told to stop.
     """
-    state, rules = unpack(worlds, 0, world), unpack(models, 0, model)
-    fluid, walls, lists = state.fluid, state.walls, state.lists
-    if stale:
-        evaluate_acceleration(0, fluid, walls, lists, rules, time, ax, ay)
-    survey(
-        fluid, walls, lists, rules.constants, rules.kernel.h2, ax, ay, gravity[0], gravity[1],
-        com[0], com[1], clumped, float(rules.eos.inv_rho0), work, numbers,
-    )  # fmt: skip
 
 
-@jitable
-def finish_step(halves, rank, n_threads, fluid, spare, walls, lists, status, team, model, time, dt):
-    """Evaluate forces after particles have moved, where the integrator does; `time`: of the step.
+@complete_step.member(SymplecticEuler)
+def _complete(integrator, rank, n_threads, world, model, began, length, shown):
+    return True
 
-    Returns False if it failed or the team was told to stop.
-    """
-    if halves is None:
-        return True
+
+@complete_step.member(KickDriftKick)
+@complete_step.member(PredictorCorrector)
+def _evaluate_and_settle(integrator, rank, n_threads, world, model, began, length, shown):
+    status = world.status
     first, last = status[rank, FIRST], status[rank, LAST]
-    status[rank, BAD] = end_step(halves, first, last, fluid, spare, walls, lists, model, time, dt)
-    if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
+    cells, spare = world.cells, world.spare
+    status[rank, BAD] = end_step(integrator, first, last, cells, spare, model, began, length)
+    if not meet(world.team, n_threads) or first_bad(status, n_threads) >= 0:
         return False
-    settle(halves, first, last, spare, fluid, model)
-    return meet(team, n_threads)
-
-
-@jitable
-def complete_step(rank, n_threads, world, model, began, length, shown):
-    """What is left of the step from `began` to `began` + `length` [s], after particles have moved.
-
-    shown: whether somebody may look at what walls without slip are like then, which follow
-    velocities. Returns False if it failed, a list was too short or the team was told to stop.
-    """
-    fluid, walls, lists, status = world.fluid, world.walls, world.lists, world.status
-    if not finish_step(
-        model.halves, rank, n_threads, fluid, world.spare, walls, lists, status, world.team, model,
-        began, length,
-    ):  # fmt: skip
+    settle(integrator, first, last, spare, cells.fluid)
+    if not meet(world.team, n_threads):
         return False
-    return not (is_there(model.halves) and shown) or follow_fluid(
-        model.extrapolation, rank, n_threads, walls, world.wall_start, fluid, world.start,
-        read_grid(world.sorting.frame), lists, status, world.team, model, began + length,
-    )  # fmt: skip
-
-
-@jitable
-def follow_fluid(
-    extrapolation, rank, n_threads, walls, wall_start, fluid, start, grid, lists, status, team,
-    model, time,
-):  # fmt: skip
-    """Give boundary particles the pressure of the fluid, where they wait for it.
-
-    Returns False if a list was too short or the team was told to stop.
-    """
-    if extrapolation is None:
-        return True
-    status[rank, FULL] = extrapolate(
-        extrapolation, rank, n_threads, status[rank, LISTED], walls, wall_start, fluid, start,
-        grid, lists, model.kernel, model.eos, model.constants, model.gravity, time,
-    )  # fmt: skip
-    return meet(team, n_threads) and not any_full(status, n_threads)
+    grid = read_grid(world.sorting.frame)
+    return not shown or follow_fluid(
+        model.extrapolation, rank, n_threads, world, model, grid, began + length
+    )
 
 
 @jit
-def advance(rank, n_threads, bounds, worlds, models, world, model, legs, dts):
-    """`_advance` for simulations bounds[rank] to bounds[rank + 1], each on one thread.
+def advance(rank, n_threads, bounds, worlds, models, world, model, chunks, controls):
+    """Run one chunk of substeps of each simulation bounds[rank] to bounds[rank + 1].
 
-    Without bounds for the first one, on all threads. worlds, models: records; world, model: their
-    shapes; legs: (n, 4) stale, time [s], done and n_substeps of each; dts: (n,) [s].
-    The only way in: the same machine code, and so the same bits, for one simulation and for many.
+    Each of them runs on one thread; without bounds the first one runs on all threads. worlds,
+    models: records; world, model: their shapes; chunks: (n, 3) stale, time [s] and n_substeps;
+    controls: (n, 5) see `model.control_row`. It is the only way in: the same machine code, and so
+    the same bits, for one simulation and for many.
     """
     begin, end, part, n_parts = 0, 1, rank, n_threads
     if bounds.size > 0:
         begin, end, part, n_parts = bounds[rank], bounds[rank + 1], 0, 1
     for i in range(begin, end):
-        _advance(
-            part, n_parts, unpack(worlds, i, world), unpack(models, i, model),
-            int(legs[i, 0]), legs[i, 1], dts[i], int(legs[i, 2]), int(legs[i, 3]),
-        )  # fmt: skip
+        rules, dt = with_controls(unpack(models, i, model), controls[i])
+        stale, time, n_substeps = int(chunks[i, 0]), chunks[i, 1], int(chunks[i, 2])
+        _advance(part, n_parts, unpack(worlds, i, world), rules, stale, time, dt, n_substeps)
 
 
 @jitable
-def _advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
-    """n_substeps steps of the whole chain: force, integration, neighbours, density, pressure.
+def _advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
+    """Run n_substeps steps of the chain: force, integration, neighbours, density, pressure.
 
-    time: [s] before the first of them; done: how many of them an earlier call did, whose list was
-    too short. A step consists of one or two moves of the particles, depending on the integrator,
-    each followed by the rest of the chain. `world.fluid` holds the state before and after, with
-    densities, pressures and lists; `stale` says what of it is not up to date (see FRESH and the
-    others). When a step fails, `fluid` holds the last finite state; when a list was too short,
-    `spare` holds a state for another call with larger lists; when a particle ends within a wall,
-    `fluid` holds the state with it there. `world.status` says so.
+    time: [s] before the first of them. A step consists of one or two moves of the particles,
+    depending on the integrator, each followed by the rest of the chain. `cells.fluid` holds the
+    state before and after, with densities, pressures and lists; `stale` says what of it is not up
+    to date. When a step fails, `fluid` holds the last finite state; when a list was too short,
+    `backup` holds the state to begin again from; when a particle ends within a wall, `fluid`
+    holds the state with it there. `world.status` says so.
     """
-    fluid, spare, start = world.fluid, world.spare, world.start
-    walls, wall_start, wall_sums = world.walls, world.wall_start, world.wall_sums
-    lists, status, team = world.lists, world.status, world.team
-    kernel, eos, constants = model.kernel, model.eos, model.constants
-    status[rank, STEPS], status[rank, BAD], status[rank, FULL] = done, -1, 0
+    cells, spare, status, team = world.cells, world.spare, world.status, world.team
+    status[rank, STEPS], status[rank, BAD] = 0, -1
+    status[rank, FULL], status[rank, WHOLE] = 0, 0
+    if stale == UNPRESSED:
+        renew_pressures(cells.fluid, cells.walls, model, world.totals)
+        return
+    if stale == FRESH:
+        back_up(rank, n_threads, cells.fluid, world.backup)
+    else:
+        back_up(rank, n_threads, spare, world.backup)
     n_moves = moves(model.integrator)
-    # a step that an earlier call began is finished first
-    first_move = done * n_moves - (n_moves - 1 if stale == HALFWAY else 0)
     last_move = n_substeps * n_moves
-    for k in range(first_move, last_move + 1):
+    for k in range(last_move + 1):
         step, part = divmod(k - 1, n_moves)
         began, length = time + step * float(dt), dt * 1.0
-        if k > first_move:
+        if k > 0:
             first, last = status[rank, FIRST], status[rank, LAST]
-            bad = move(
-                model.integrator, part, first, last, fluid, spare, walls, lists, model, began, dt
-            )
+            bad = move(model.integrator, part, first, last, cells, spare, model, began, dt)
             status[rank, STEPS], status[rank, BAD] = step + 1, bad
-            halfway = part + 1 < n_moves or evaluates_last(model.integrator)
-            status[rank, STAGE] = HALFWAY if halfway else UNSORTED
             if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
                 return
         elif stale == FRESH:
             continue
         else:
-            status[rank, STAGE] = stale
-            if stale != HALFWAY:
-                began, length = world.clock[0] if stale == UNSORTED else time, dt * 0.0
+            began, length = world.clock[0] if stale == UNSORTED else time, dt * 0.0
         now = began + length * (part + 1) / n_moves
         laying = k == last_move or k % LAY_EVERY == 0
         if not sort_all(rank, n_threads, laying, world, model, now):
@@ -441,38 +386,52 @@ def _advance(rank, n_threads, world, model, stale, time, dt, done, n_substeps):
         # not before all have read it
         world.clock[0] = now
         grid = read_grid(world.sorting.frame)
-        first, last = own_blocks(grid, start, fluid.id.size, width(fluid.x), rank, n_threads)
-        status[rank, FIRST], status[rank, LAST] = first, last
-        full = compute_like_fluid(
-            model.extrapolation, model.stroke, rank, n_threads, walls, wall_sums, wall_start,
-            fluid, start, grid, lists, kernel, eos, constants, team,
-        )  # fmt: skip
-        _, room = own_part(lists, rank, n_threads)
-        end, walled = room, -1
-        if not full:
-            end, walled = compute_fluid_density(
-                rank, n_threads, first, last, fluid, start, walls, wall_start, grid, lists,
-                kernel, eos, constants, model.effects, model.alone, length,
-            )  # fmt: skip
-        status[rank, FULL], status[rank, LISTED] = full or end > room, end
-        status[rank, WALLED] = walled
-        if not meet(team, n_threads) or any_full(status, n_threads):
+        if not compute_densities(rank, n_threads, cells, status, team, model, grid, length):
             return
-        if not follow_fluid(
-            model.extrapolation, rank, n_threads, walls, wall_start, fluid, start, grid, lists,
-            status, team, model, now,
-        ):  # fmt: skip
+        if not follow_fluid(model.extrapolation, rank, n_threads, world, model, grid, now):
             return
         if part + 1 < n_moves:
             continue
-        if status[rank, STAGE] != UNSORTED and not complete_step(
-            rank, n_threads, world, model, began, length, k == last_move
+        evaluating = evaluates_last(model.integrator) if k > 0 else stale == UNKNOWN
+        if evaluating and not complete_step(
+            model.integrator, rank, n_threads, world, model, began, length, k == last_move
         ):
             return
-        # a whole step that put somebody into a wall is the last one
-        if k > 0 and _first(status, n_threads, WALLED) >= 0:
+        # a whole step that put a particle into a wall is the last one
+        if k > 0 and any_walled(cells.walls, status, n_threads):
             status[rank, BAD] = status[rank, WALLED]
             break
-    status[rank, STAGE] = FRESH
+    status[rank, WHOLE] = 1
     if rank == 0:
-        sum_up(fluid, walls, model.extrapolation, eos, world.totals)
+        sum_up(cells.fluid, cells.walls, model.extrapolation, model.eos, world.totals)
+
+
+# --- A look at the state --------------------------------------------------------------------
+
+
+@jit
+def examine(worlds, models, world, model, controls, stale, request, columns, numbers):
+    """Look at every particle of the present state.
+
+    worlds, models: records; world, model: their shapes; stale: whether the accelerations are not
+    known; request: see `diagnostics.Request`; columns: (4, n) ax, ay [m/s^2] if they are stale,
+    and, by what is wanted, squared distance to the nearest other [m^2] and number of neighbours;
+    numbers: filled with a `diagnostics.Survey` if all is wanted.
+    """
+    cells = unpack(worlds, 0, world).cells
+    rules, _ = with_controls(unpack(models, 0, model), controls[0])
+    if stale:
+        evaluate_acceleration(cells, rules, request[1], columns[0], columns[1])
+    survey(cells, rules, request, columns, numbers)
+
+
+@jitable
+def evaluate_acceleration(cells, model, time, ax, ay):
+    """Compute the acceleration [m/s^2] of the fluid particles, in the order of `fluid`."""
+    i, fluid, lists = 0, cells.fluid, cells.lists
+    while i < fluid.id.size:
+        n = group_size(lists, i)
+        here = rates(i, fluid, cells.walls, lists, model, time)
+        store(ax, i, here.ax, n)
+        store(ay, i, here.ay, n)
+        i += n

@@ -1,248 +1,20 @@
-"""Walls: boundary particles, a box that clamps, plates that nothing passes, periodic domains.
-
-Boundary particles push back before a particle arrives. The box and the plates are for those that
-arrive all the same: a side of the box holds all that is beyond it, so that no speed is too high,
-and a plate looks at the whole path of a step.
-"""
+"""The walls that a scene names: boundary particles, a box, plates, motion, periodic directions."""
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sph_gym.solver.checks import finite_array, in_range, known, number
-from sph_gym.solver.jit import jitable
-from sph_gym.solver.lanes import (
-    broadcast,
-    first_lanes,
-    first_true,
-    like,
-    maximum,
-    minimum,
-    rsqrt,
-    select,
-)
+from sph_gym.solver.checks import finite_array, in_range, known
+from sph_gym.solver.confinement import Stroke
 from sph_gym.solver.state import Floats
 
 SIDES = ("left", "right", "bottom", "top")
 PRESSURES = ("like fluid", "extrapolated")
 SLIPS = ("no-slip", "free-slip")
-# Of dx: how far in front of a plate a particle that hit it is put.
-SKIN = 1e-2
-# Of a period, from the middle of the domain: who is farther away is outside, whatever rounding did.
-OUTSIDE = 0.501
-
-
-class Box(NamedTuple):
-    """Clamping walls in the precision of the arrays: sides [m], restitution in [0, 1].
-
-    left, right, bottom, top: velocities of the sides [m/s], each along its normal.
-    """
-
-    x_min: float
-    x_max: float
-    y_min: float
-    y_max: float
-    restitution: float
-    left: float
-    right: float
-    bottom: float
-    top: float
-
-
-class Plates(NamedTuple):
-    """Segments; x0, y0, x1, y1: (n,) their ends [m]; restitution; skin: see SKIN [m].
-
-    In a periodic domain also their images a period away, where a step may lead.
-    """
-
-    x0: Any
-    y0: Any
-    x1: Any
-    y1: Any
-    restitution: float
-    skin: float
-
-
-class Period(NamedTuple):
-    """A direction in which space closes upon itself: low, high [m]; length = high - low."""
-
-    low: float
-    high: float
-    length: float
-    half: float
-
-
-class Stroke(NamedTuple):
-    """The motion of moving walls, see `Motion`; sides: whether left, right, bottom, top move."""
-
-    u: float
-    v: float
-    ax: float
-    ay: float
-    omega: float
-    left: float
-    right: float
-    bottom: float
-    top: float
-
-
-# --- Terms ----------------------------------------------------------------------------------
-
-
-@jitable
-def reflect(low, high, low_speed, high_speed, restitution, x, u):
-    """Put a particle back onto the side that it passed and turn its normal velocity round.
-
-    Position and velocity both: with the position alone it would press into the wall for ever.
-    The velocity as a side sees it that moves itself. A position that is not a number stays one.
-    """
-    u = select(x < low, maximum(low_speed - restitution * (u - low_speed), u), u)
-    u = select(x > high, minimum(high_speed - restitution * (u - high_speed), u), u)
-    return minimum(high, maximum(low, x)), u
-
-
-@jitable
-def confine(box, stroke, time, x, y, u, v):
-    """`reflect` at the four sides of the box, where there is one, as they are at a time [s]."""
-    if box is None:
-        return x, y, u, v
-    box = moved_box(stroke, box, time)
-    x, u = reflect(box.x_min, box.x_max, box.left, box.right, box.restitution, x, u)
-    y, v = reflect(box.y_min, box.y_max, box.bottom, box.top, box.restitution, y, v)
-    return x, y, u, v
-
-
-@jitable
-def stop_at_plates(plates, old_x, old_y, x, y, u, v):
-    """End a path in front of the first plate in its way, and reflect the normal velocity.
-
-    In a corner that may send a particle through another plate; then it stays where it was.
-    """
-    if plates is None:
-        return x, y, u, v
-    first, skin = like(old_x, 2.0), like(old_x, plates.skin)
-    nx = ny = like(old_x, 0.0)
-    for k in range(plates.x0.size):
-        share, px, py = meet_plate(plates, k, old_x, old_y, x, y)
-        nx, ny = select(share < first, px, nx), select(share < first, py, ny)
-        first = minimum(share, first)
-    hits = first < like(first, 1.5)
-    x = select(hits, old_x + first * (x - old_x) + skin * nx, x)
-    y = select(hits, old_y + first * (y - old_y) + skin * ny, y)
-    u, v = turn_round(plates, nx, ny, u, v)
-    for k in range(plates.x0.size):
-        share, px, py = meet_plate(plates, k, old_x, old_y, x, y)
-        hits = share < like(share, 1.5)
-        x, y = select(hits, old_x, x), select(hits, old_y, y)
-        u, v = turn_round(plates, px, py, u, v)
-    return x, y, u, v
-
-
-@jitable
-def meet_plate(plates, k, old_x, old_y, x, y):
-    """Share of a path after which it meets plate k, and the normal there, towards its start.
-
-    Paths that don't have share 2 and no normal. Whoever arrives on the plate meets it; whoever
-    sets out from there is on its left side.
-    """
-    px, py = broadcast(plates.x0, k), broadcast(plates.y0, k)
-    tx, ty = broadcast(plates.x1, k) - px, broadcast(plates.y1, k) - py
-    zero, one = like(old_x, 0.0), like(old_x, 1.0)
-    length2 = tx * tx + ty * ty
-    inv_length = rsqrt(length2)
-    nx, ny = -ty * inv_length, tx * inv_length
-    before = (old_x - px) * nx + (old_y - py) * ny
-    after = (x - px) * nx + (y - py) * ny
-    side = select(before < zero, -one, one)
-    travelled = before - after
-    share = before / select(abs(travelled) > zero, travelled, one)
-    hit_x, hit_y = old_x + share * (x - old_x), old_y + share * (y - old_y)
-    # a skin beyond both ends, so that rounding leaves no gap between plates that share one
-    along = ((hit_x - px) * tx + (hit_y - py) * ty) * inv_length
-    skin = like(along, plates.skin)
-    missed = select(along < -skin, one, select(along > length2 * inv_length + skin, one, zero))
-    missed = select(side * after > zero, one, missed) > zero
-    share = select(missed, one + one, share)
-    return share, select(missed, zero, side * nx), select(missed, zero, side * ny)
-
-
-@jitable
-def turn_round(plates, nx, ny, u, v):
-    """Velocities after a collision with a plate of normal nx, ny; without a normal, unchanged."""
-    approach = minimum(u * nx + v * ny, like(u, 0.0))
-    turned = (like(u, 1.0) + like(u, plates.restitution)) * approach
-    return u - turned * nx, v - turned * ny
-
-
-@jitable
-def nearest_image(period, d):
-    """The component d of a distance between two particles, to the nearest image of the other."""
-    if period is None:
-        return d
-    d = select(d > like(d, period.half), d - like(d, period.length), d)
-    return select(d < like(d, -period.half), d + like(d, period.length), d)
-
-
-@jitable
-def wrap(period, x):
-    """Into the domain again at its other end, from at most a period outside."""
-    if period is None:
-        return x
-    x = select(x < like(x, period.low), x + like(x, period.length), x)
-    return select(x < like(x, period.high), x, x - like(x, period.length))
-
-
-@jitable
-def first_outside(period, x, n):
-    """The first of n lanes that `wrap` couldn't bring back, or -1."""
-    if period is None:
-        return -1
-    distance = abs(x - like(x, period.low + period.half))
-    return first_true((distance > like(x, OUTSIDE * period.length)) & first_lanes(x, n))
-
-
-@jitable
-def wrap_far(period, x):
-    """The same for one particle, from however far outside."""
-    if period is None:
-        return x
-    return x - period.length * math.floor((x - period.low) / period.length)
-
-
-@jitable
-def stroke_at(stroke, time):
-    """How far the moving walls are from where they began [m], and their velocity [m/s]."""
-    phase = stroke.omega * time
-    swing, rate = math.sin(phase), stroke.omega * math.cos(phase)
-    x, y = stroke.u * time + stroke.ax * swing, stroke.v * time + stroke.ay * swing
-    return x, y, stroke.u + stroke.ax * rate, stroke.v + stroke.ay * rate
-
-
-@jitable
-def moved_box(stroke, box, time):
-    """The box at a time [s]."""
-    if stroke is None:
-        return box
-    x, y, u, v = stroke_at(stroke, time)
-    return Box(
-        box.x_min + like(box.x_min, stroke.left * x),
-        box.x_max + like(box.x_min, stroke.right * x),
-        box.y_min + like(box.x_min, stroke.bottom * y),
-        box.y_max + like(box.x_min, stroke.top * y),
-        box.restitution,
-        like(box.x_min, stroke.left * u),
-        like(box.x_min, stroke.right * u),
-        like(box.x_min, stroke.bottom * v),
-        like(box.x_min, stroke.top * v),
-    )
-
-
-# --- What a scene names ---------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -433,22 +205,22 @@ class Walls:
         """Whether space closes upon itself in any direction."""
         return self.period_x is not None or self.period_y is not None
 
-    def stand_alone(self, dx: float, h: float) -> bool:
-        """Whether any of its particles, dx [m] apart, have neither a plate nor the box before them.
+    def has_unbacked(self, dx: float, h: float) -> bool:
+        """Return whether any particle, dx [m] apart, has neither a plate nor the box before it.
 
-        An obstacle within a box has not, unless plates are within h [m] of all that it is made of.
+        An obstacle within a box has neither, unless plates are within h [m] of all its particles.
         """
         if self.particles is None:
             return False
         x = np.asarray(self.particles)
-        alone = np.ones(len(x), bool)
+        unbacked = np.ones(len(x), bool)
         if self.box is not None:
             low, high = np.array(self.box[::2]), np.array(self.box[1::2])
             # those at the box stand half a spacing behind it
-            alone &= ((x > low + dx / 4) & (x < high - dx / 4)).all(axis=1)
+            unbacked &= ((x > low + dx / 4) & (x < high - dx / 4)).all(axis=1)
         for plate in () if self.plates is None else np.asarray(self.plates):
-            alone &= _distance(x, plate[:2], plate[2:]) > h
-        return bool(alone.any())
+            unbacked &= _distance(x, plate[:2], plate[2:]) > h
+        return bool(unbacked.any())
 
     @property
     def moves(self) -> Floats:
@@ -500,35 +272,3 @@ def _distance(x: Floats, start: Floats, end: Floats) -> Floats:
     share = np.clip((x - start) @ along / (along @ along), 0.0, 1.0)
     gap = x - start - share[:, None] * along
     return np.hypot(*gap.T)
-
-
-def make_box(walls: Walls | None, precision: Any) -> Box | None:
-    """The box in the precision of the particles, where there is one."""
-    if walls is None or walls.box is None:
-        return None
-    return Box(*(precision(side) for side in (*walls.box, walls.restitution, *[0.0] * 4)))
-
-
-def make_plates(walls: Walls | None, dx: float, precision: Any) -> Plates | None:
-    """The plates in the precision of the particles, where there are any."""
-    if walls is None or walls.plates is None:
-        return None
-    shifts = [
-        (0.0,) if period is None else (0.0, period[0] - period[1], period[1] - period[0])
-        for period in (walls.period_x, walls.period_y)
-    ]
-    plates = np.asarray(walls.plates)
-    # a step may lead through an end of the domain, and to what is behind it
-    images = [plates + np.array([x, y, x, y]) for x, y in product(*shifts)]
-    ends = np.concatenate(images).astype(precision)
-    x0, y0, x1, y1 = (np.ascontiguousarray(column) for column in ends.T)
-    return Plates(x0, y0, x1, y1, float(walls.restitution), number("skin", SKIN * dx))
-
-
-def make_period(ends: tuple[float, float] | None, precision: Any) -> Period | None:
-    """A periodic direction, where there is one; its length is what the two ends make of it."""
-    if ends is None:
-        return None
-    low, high = precision(ends[0]), precision(ends[1])
-    length = precision(high - low)
-    return Period(low, high, length, precision(length / 2))

@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any
 
 from sph_gym.extras import progress_bar
+from sph_gym.solver.jit import announce_compilation
 from sph_gym.solver.teams import most_threads
 from sph_gym.studies.results import Results
 
@@ -34,7 +35,7 @@ def run_jobs(
     context = multiprocessing.get_context("spawn")
     with (
         progress_bar(len(jobs), title) as bar,
-        ProcessPoolExecutor(n_workers, context, initializer=_ignore_interrupts) as pool,
+        ProcessPoolExecutor(n_workers, context, initializer=_begin_worker) as pool,
     ):
         bar.update(len(jobs) - len(missing))
         futures = {pool.submit(function, *jobs[k]): k for k in missing}
@@ -52,6 +53,7 @@ def run_jobs(
     return done
 
 
-def _ignore_interrupts() -> None:
-    """Let a worker finish its job on Ctrl-C: the main process decides what comes after."""
+def _begin_worker() -> None:
+    """Let a worker finish its job on Ctrl-C, and say when it compiles."""
+    announce_compilation()
     signal.signal(signal.SIGINT, signal.SIG_IGN)

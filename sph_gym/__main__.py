@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym import scenes
+from sph_gym.solver.jit import announce_compilation
 
 ASSIGNMENTS: dict[str, Any] = {"nargs": "*", "action": "extend", "default": []}
 # Known here too, since it takes long to import the studies.
@@ -25,6 +26,7 @@ STUDIES = (
 def main(arguments: list[str] | None = None) -> int:
     """Carry out a command and return its exit status."""
     options = _parser().parse_args(arguments)
+    announce_compilation()
     try:
         return int(options.function(options))
     except (ValueError, ImportError, OSError, MemoryError) as error:

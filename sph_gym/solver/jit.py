@@ -116,14 +116,15 @@ def jit(function: Function) -> Function:
         config.CACHE_DIR = previous
 
 
-def announce_compilation(say: Callable[[str], Any] | None) -> None:
-    """Call `say` with a sentence whenever the solver is about to be compiled; None: never."""
-    global _announce
-    _announce = say
-
-
-_announce: Callable[[str], Any] | None = None
+# The function whose compilation takes long enough to be announced.
 LONGEST = "advance"
+_announcing = False
+
+
+def announce_compilation() -> None:
+    """From now on, print a line to stderr when the solver is compiled for a new kind of scene."""
+    global _announcing
+    _announcing = True
 
 
 def _forgiving(dispatcher: Any) -> Any:
@@ -139,8 +140,9 @@ def _forgiving(dispatcher: Any) -> Any:
             _say(f"machine code in {stored.cache_path} is damaged and made anew: {error!r}")
             with suppress(OSError):
                 stored.flush()
-        if found is None and _announce is not None and dispatcher.__name__ == LONGEST:
-            _announce("compiling the solver for this kind of scene: some 10 s, once a machine")
+        if found is None and _announcing and dispatcher.__name__ == LONGEST:
+            text = "compiling the solver for this kind of scene: some 10 s, once on this machine"
+            print(text, file=sys.stderr, flush=True)
         return found
 
     def careful_save(*arguments: Any) -> None:

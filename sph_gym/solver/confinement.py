@@ -145,7 +145,7 @@ def turn_round(plates, nx, ny, u, v):
 
 @jitable
 def stroke_at(stroke, time):
-    """How far the moving walls are from where they began [m], and their velocity [m/s]."""
+    """Return the displacement of the moving walls [m] and their velocity [m/s]."""
     phase = stroke.omega * time
     swing, rate = math.sin(phase), stroke.omega * math.cos(phase)
     x, y = stroke.u * time + stroke.ax * swing, stroke.v * time + stroke.ay * swing

@@ -93,7 +93,7 @@ def totals(sums, mass) -> Totals:
 
 
 class Request(NamedTuple):
-    """What `survey` is asked for, as floats.
+    """The wishes of a caller of `survey`, as floats.
 
     wanted: FORCES, NEIGHBORS or ALL; time [s]; gx, gy: gravity [m/s^2]; com_x, com_y:
     centre of mass [m]; clumped: distance below which two particles count as clumped [m].

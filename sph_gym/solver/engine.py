@@ -215,12 +215,12 @@ class Engine:
 
     @property
     def whole(self) -> bool:
-        """Whether `fluid` is the state at the end of the last step, even after a failure."""
+        """True if `fluid` is the state at the end of the last step, even after a failure."""
         return bool(self.world.status[0, WHOLE])
 
     @property
     def full(self) -> bool:
-        """Whether a list was too short, so that `fluid` is not up to date but `backup` is."""
+        """True if a list was too short, so that `fluid` is not up to date but `backup` is."""
         return any(self.world.status[:, FULL].tolist())
 
     def follow_stiffness(self, time: float) -> None:

@@ -1,4 +1,4 @@
-"""The tripwire's verdict: in which link of the chain a run broke, at which particle, and why."""
+"""The tripwire: in which link of the chain a run broke, at which particle, and why."""
 
 import math
 from typing import NamedTuple
@@ -77,13 +77,13 @@ def _distances(others: Particles, fluid: Particles, i: int, scene: Scene) -> Flo
 def _search_agrees(
     fluid: Particles, walls: Particles | None, bad: int, scene: Scene, mass: float
 ) -> bool:
-    """Whether the density that the search gave is that of brute force, if it was a sum at all."""
+    """Return whether the search gave the density of brute force, if it was a sum at all."""
     if scene.effects.continuity:
         return True
     kernel = ALL_KERNELS[scene.fluid.kernel](scene.h)
-    everybody = [fluid] if walls is None else [fluid, walls]
+    all_particles = [fluid] if walls is None else [fluid, walls]
     brute = mass * sum(
-        density_kernel(kernel, _distances(some, fluid, bad, scene)).sum() for some in everybody
+        density_kernel(kernel, _distances(some, fluid, bad, scene)).sum() for some in all_particles
     )
     found = fluid.rho[bad]
     return not np.isfinite(found) or bool(np.isclose(brute, found, rtol=1e-3))

@@ -1,4 +1,4 @@
-"""Where particles are at the start: lattices, discs, tanks, and plates of boundary particles.
+"""Positions of particles at the start: lattices, discs, tanks, and plates of boundary particles.
 
 All raise ValueError that names the argument: for what isn't a finite number, for lengths that
 aren't positive, for ends that aren't in order, and for more than 1e8 particles.

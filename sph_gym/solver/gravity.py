@@ -121,7 +121,7 @@ def add_gravity(effect, time, x, y, u, v, ax, ay):
 
 
 class _Field:
-    """What all kinds share: their formula, read in Python."""
+    """Base of all kinds: their formula, read in Python."""
 
     def compiled(self) -> Any:
         """The numbers that the compiled loop takes."""
@@ -167,7 +167,7 @@ class Gravity(_Field):
         return super().at(time) if self.ramp > 0 else self.lasting()
 
     def mean(self, began: float, ended: float) -> tuple[float, float]:
-        """Of the vectors at two times [s], each [m/s^2]."""
+        """Return the mean of the vectors [m/s^2] between two times [s]."""
         if self.ramp == 0:
             return self.x, self.y
         x, y = ((self.at(began) + self.at(ended)) / 2).tolist()

@@ -115,7 +115,7 @@ def place(model, i, n, source, target, x, y, u, v, time):
 
     Returns a lane that is insane or moved by more than a period, or -1.
     """
-    # plates last: a side that moves must not push anybody through them
+    # plates last: a side that moves must not push a particle through them
     x, y, u, v = confine(model.box, model.stroke, time, x, y, u, v)
     x, y, u, v = stop_at_plates(model.plates, load(source.x, i), load(source.y, i), x, y, u, v)
     period_x, period_y = model.constants.period_x, model.constants.period_y

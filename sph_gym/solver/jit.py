@@ -55,7 +55,7 @@ class _LightHelpers(Compiler):
     """Numba's pipeline, but helpers are optimised only as part of what they are compiled into.
 
     Numba optimises every function on its own and once more in each of its callers. In a tree of
-    small helpers that is most of the compile time, for code that nobody runs.
+    small helpers that is most of the compile time, for code that never runs.
     """
 
     def compile_extra(self, func: Any) -> Any:

@@ -53,7 +53,7 @@ class Lanes(types.Type):
 
     @property
     def key(self) -> tuple[types.Type, int]:
-        """What makes two such types the same."""
+        """The parts that make two such types equal."""
         return self.element, self.count
 
 
@@ -386,7 +386,7 @@ def _rsqrt(code: Code, x: Any) -> Any:
 
 
 def width(array: Any) -> int:
-    """How many elements of `array` one load takes."""
+    """Return the number of elements of `array` that one load takes."""
     return 1
 
 
@@ -413,7 +413,7 @@ def _load(code: Code, array: Any, i: Any) -> Any:
 
 
 def _alignment(llvm: Any) -> int:
-    """Of one element: vectors lie anywhere."""
+    """Return the alignment of one element: vectors lie anywhere."""
     element = llvm.element if isinstance(llvm, ir.VectorType) else llvm
     return 8 if isinstance(element, ir.DoubleType) else 4
 
@@ -617,12 +617,12 @@ class ShapeType(types.Type):
 
     @property
     def key(self) -> Any:
-        """What makes two such types the same."""
+        """The parts that make two such types equal."""
         return self.of
 
 
 class Shape:
-    """What a value looks like, as an argument that costs little."""
+    """The type of a value, as an argument that costs little."""
 
     def __init__(self, value: Any) -> None:
         looks = _looks(value)

@@ -308,13 +308,13 @@ def neighbor(lists, k):
 
 @jitable
 def own_part(lists, rank, n_threads):
-    """Where in `entries` a thread's list begins and has to end."""
+    """Return where in `entries` a thread's list begins and has to end."""
     return share(lists.entries.size, rank, n_threads)
 
 
 @jitable
 def rest_of_block(i, n_lanes, n):
-    """How many of the next n particles, i places into their row, a group may have.
+    """Return how many of the next n particles, i places into their row, a group may have.
 
     Groups don't reach over a multiple of the lanes, counted from the row's first particle. So they
     are the same wherever a thread's share ends; a list of another length would be summed by
@@ -376,7 +376,7 @@ def compact_group(particles, i, n, widest):
 
 @jitable
 def make_window(grid, box):
-    """The cells in which neighbours of anybody in the rectangle are kept."""
+    """Return the cells that hold the neighbours of all particles in the rectangle."""
     return Window(
         box,
         max(_row(grid, box.y_low) - 1, 0),
@@ -427,7 +427,7 @@ def _shift(period, k):
 
 @jitable
 def _is_far(period, low, high, h):
-    """Whether nobody in a periodic domain can be within h of [low, high]."""
+    """Return whether no particle in a periodic domain can be within h of [low, high]."""
     if period is None:
         return False
     # twice, since particles may be a bit outside in the middle of a step
@@ -438,7 +438,7 @@ def _is_far(period, low, high, h):
 def collect_images(constants, box, grid, start, sources, lists, k, room):
     """`collect` for the rectangle and, in a periodic domain, its images.
 
-    Groups are so narrow that nobody is within h of two of them.
+    Groups are so narrow that no particle is within h of two images.
     """
     if sources is None:
         return k

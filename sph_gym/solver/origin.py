@@ -1,7 +1,7 @@
-"""Where the solver counts positions from: near the particles, where float32 has its digits.
+"""The origin of positions: near the particles, where float32 has its digits.
 
 A step moves a particle by a small part of dx. In single precision, far from the origin, that is
-less than the distance between two numbers, and the fluid stands still without anybody noticing.
+less than the distance between two numbers, and the fluid silently stands still.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Floats
 from sph_gym.solver.walls import Walls
 
-# Of dx: places that are no farther apart than this are as good as continuous. In a slow flow, at
+# Share of dx: places that are no farther apart than this are as good as continuous. In a slow flow, at
 # a thousandth of the sound speed, a step is a few 1e-4 dx.
 FINE = 1e-5
 
@@ -33,7 +33,7 @@ def origin(scene: Scene, dtype: Any) -> Floats:
 
 
 def moved(scene: Scene, by: Floats) -> Scene:
-    """The same scene with everything that has a place displaced by (2,) [m]."""
+    """Return the scene with everything that has a place displaced by (2,) [m]."""
     if not by.any():
         return scene
     effects = dataclasses.replace(scene.effects, gravity=_moved_field(scene.effects.field, by))

@@ -49,7 +49,7 @@ def first_outside(period, x, n):
 
 @jitable
 def wrap_far(period, x):
-    """The same for one particle, from however far outside."""
+    """Return x of one particle wrapped into the domain, from however far outside."""
     if period is None:
         return x
     return x - period.length * math.floor((x - period.low) / period.length)

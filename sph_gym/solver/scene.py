@@ -150,7 +150,7 @@ class Scene:
 
     @property
     def viscous_share(self) -> float:
-        """Of h^2 / nu: the longest step that laminar viscosity allows, see `kernels`.
+        """The longest step that laminar viscosity allows, as a share of h^2 / nu; see `kernels`.
 
         It depends on the kernel, the form of the viscosity and the integrator.
         """
@@ -159,7 +159,7 @@ class Scene:
         return VISCOUS_SHARES.get(self.integrator, 1.0) * share
 
     def _check_walls(self) -> None:
-        """What walls, fluid and effects ask of each other."""
+        """Check the demands of walls, fluid and effects on each other."""
         walls = self.walls
         if walls is None:
             return

@@ -227,7 +227,7 @@ class Simulation:
 
     @property
     def is_underway(self) -> bool:
-        """Whether an `advance` was begun and is not finished."""
+        """True if an `advance` was begun and is not finished."""
         return self._underway is not None
 
     def next_chunk(self) -> tuple[float, float, int]:

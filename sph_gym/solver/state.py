@@ -1,4 +1,4 @@
-"""What the solver holds: particles as a struct of arrays, the neighbour search, the controls."""
+"""The state: particles as a struct of arrays, and the controls."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ class Particles(NamedTuple):
     which the symmetric pressure force wants it; id: (n,) int32. All but `id` are columns (see
     `column`): only their first n entries count.
 
-    What the rest is for, only some scenes need; where it isn't needed, it is None. ax, ay [m/s^2],
+    The rest is needed by some scenes only; where it is not needed, it is None. ax, ay [m/s^2],
     tx, ty [m/s] and growth [kg/(m^3 s)]: the rates at the last evaluation, see `integrators.Rates`;
     offset: density less the kernel sum [kg/m^3], where densities follow the continuity equation;
     nx, ny: n / sqrt|n|, n the gradient of the share of space that is filled [1/m], where surfaces
@@ -47,7 +47,7 @@ class Particles(NamedTuple):
 
 
 class Controls(NamedTuple):
-    """What an agent may change while the solver runs: s, Pa (Tait's B), dimensionless."""
+    """The numbers that an agent may change while the solver runs: s, Pa (Tait's B), dimensionless."""
 
     dt: float
     stiffness: float

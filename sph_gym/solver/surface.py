@@ -1,4 +1,4 @@
-"""How strong a stress in the outermost layer makes a given surface tension.
+"""The stress in the outermost layer that makes a given surface tension.
 
 n is the gradient of the share of space that is filled, n = sum V grad W: zero inside, and about
 1 / h in a layer at the surface. The stress K (|n| - n n / |n|) pulls along the surface and not
@@ -10,7 +10,7 @@ V^2 (stress_i + stress_j) . grad W, adds up row by row to
 C is the share of a full neighbourhood that a row has along the surface, 1 inside and about a half
 in the first row, less what is held back between near neighbours. (In a continuum that holds
 nothing back, K / sigma is one over the integral of C dC from 1/2 to 1, for every kernel: 8/3, and
-not the 2 of the whole step in C, since the outermost layer has nobody outside to pull.)
+not the 2 of the whole step in C, since nothing outside pulls the outermost layer.)
 """
 
 import math
@@ -23,7 +23,7 @@ from sph_gym.solver.kernels import density_kernel
 # W = scale (h - r)^4 (h / 4 + r), Wendland's C2, whichever kernel the fluid has: of it
 # - W' / r = SHAPE_SCALE / h^7 (h - r)^3.
 SHAPE_SCALE = 140 / math.pi
-# Of 1 / h: an n that is smaller is disorder and counts with its square.
+# Share of 1 / h: an n that is smaller is disorder and counts with its square.
 DISORDER = 0.3
 # The share (W(r) / W(dx))^4 of the pull that is held back: without it, the particles of the
 # surface pull themselves together to knots.
@@ -51,6 +51,6 @@ def calibrated_stress(sigma: float, kernel: Any, volume: float, dx: float) -> fl
 
 
 def inverse_weight(kernel: Any, dx: float) -> float:
-    """1 / W(dx) [m^2]; 0 where h = dx and nobody at rest is near."""
+    """1 / W(dx) [m^2]; 0 where h = dx and no particle at rest is near."""
     at_dx = float(density_kernel(kernel, np.array([dx]))[0])
     return 1 / at_dx if at_dx > 0 else 0.0

@@ -1,4 +1,4 @@
-"""What the machine code is made for: the processor's vector instructions and how many lanes to use.
+"""The target of machine code: the processor's vector instructions and the number of lanes.
 
 `SPH_GYM_LANES` (1, 2, 4, 8 or 16) overrides the number of lanes, so that one machine can run
 every path; `NUMBA_CPU_FEATURES` and `NUMBA_CPU_NAME` count as they do for numba itself.

@@ -68,7 +68,7 @@ def most_threads() -> int:
 
 
 class Pace:
-    """Whether a team is worth it: on a busy machine its threads wait for a processor in turns.
+    """A judge of whether a team pays: on a busy machine its threads wait for a processor in turns.
 
     The number of threads changes no result, so it may follow the clock. The first call is made
     alone; when a team turns out slower, so are the next 1, 2, 4 ... calls.
@@ -128,12 +128,12 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget)
 
 
-# Of whoever wants no others: entered in every step of an environment.
+# For callers that want one thread: entered in every step of an environment.
 _ALONE = nullcontext(1)
 
 
 def borrow(n_threads: int) -> AbstractContextManager[int]:
-    """How many threads there are: n_threads, or one if another thread has the pool just now."""
+    """Return the number of threads: n_threads, or one if another thread has the pool."""
     return _ALONE if n_threads == 1 else _borrow(n_threads)
 
 

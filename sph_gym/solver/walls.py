@@ -202,7 +202,7 @@ class Walls:
 
     @property
     def is_periodic(self) -> bool:
-        """Whether space closes upon itself in any direction."""
+        """True if space closes upon itself in any direction."""
         return self.period_x is not None or self.period_y is not None
 
     def has_unbacked(self, dx: float, h: float) -> bool:

@@ -141,8 +141,8 @@ class Scene:
             raise ValueError(f"walls: expected Walls(...) or None, got {self.walls!r}")
         if self.effects.surface_tension is not None and self.h == self.dx:
             raise ValueError(
-                "h: expected a support radius above dx with effects.surface_tension, since nobody "
-                f"at rest would be near enough to hold on to, got {self.h:g}"
+                "h: expected a support radius above dx with effects.surface_tension, since no "
+                f"particle at rest would be near enough to attract, got {self.h:g}"
             )
         if self.controls is not None:
             object.__setattr__(self, "controls", check_controls(self.controls))

@@ -47,7 +47,7 @@ class Particles(NamedTuple):
 
 
 class Controls(NamedTuple):
-    """The numbers that an agent may change while the solver runs: s, Pa (Tait's B), dimensionless."""
+    """The numbers that an agent may change: dt [s], stiffness (Tait's B) [Pa], XSPH epsilon."""
 
     dt: float
     stiffness: float

@@ -50,8 +50,8 @@ VISCOUS = 0.125
 # whether `fluid` is the whole state at the end of the last step.
 STEPS, BAD, FULL, FIRST, LAST, LISTED, WALLED, WHOLE = range(8)
 N_STATUS = 8
-# Parts that are not up to date when a call begins: none; the pressures; densities and lists, for the
-# state in `spare`; the same and the rates, since they depend on what has changed.
+# Parts that are not up to date when a call begins: none; the pressures; densities and lists, for
+# the state in `spare`; the same and the rates, since they depend on what has changed.
 FRESH, UNPRESSED, UNSORTED, UNKNOWN = 0, 1, 2, 3
 # Steps after which the grid follows the fluid within a call.
 LAY_EVERY = 64

@@ -198,8 +198,8 @@ def _docs(options: argparse.Namespace) -> int:
 
 
 def _manifest(options: argparse.Namespace) -> int:
+    from sph_gym.env.build_manifests import prepare, stamp
     from sph_gym.env.manifest import FOLDER
-    from sph_gym.env.preparation import prepare, stamp
 
     folder = Path(options.output) if options.output else FOLDER
     if options.stamp:

@@ -18,17 +18,15 @@ State = dict[str, Any]
 
 
 class Search(NamedTuple):
-    """How thorough it is.
+    """Thoroughness of the search.
 
-    width: branches that go on; hold: steps for which a setting is tried; horizon: moves that are
-    looked ahead before the first one is made, None: to the end of the episode; courant, sound:
-    pairs that are tried besides those around the present one, as multiples dt c / h and multiples
-    of c0; xsph: epsilons that are tried; near: how far around the present one, in coordinates.
+    width: branches that go on; hold: steps for which a setting is tried; courant, sound: pairs
+    that are tried besides those around the present one, as multiples dt c / h and multiples of c0;
+    xsph: epsilons that are tried; near: distance of those around the present one, in coordinates.
     """
 
     width: int = 8
     hold: int = 2
-    horizon: int | None = None
     courant: tuple[float, ...] = (0.75, 1.0)
     sound: tuple[float, ...] = (0.1, 0.2, 0.4, 0.8)
     xsph: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6)
@@ -40,7 +38,7 @@ COARSE = Search(width=2, hold=4, courant=(0.9,), xsph=(0.1, 0.3))
 
 
 class Step(NamedTuple):
-    """A step of an episode: its reward, largest error in multiples of its tolerance, and cost."""
+    """A step of an episode: reward, largest error in multiples of its tolerance, substeps, end."""
 
     reward: float
     error: float
@@ -50,7 +48,7 @@ class Step(NamedTuple):
 
 
 def play(episode: Episode, action: Any) -> Step:
-    """A step of an episode whose environment isn't looked at."""
+    """Play a step of an episode outside of its environment."""
     episode.act(action)
     outcome = episode.conclude(episode.sim.advance(episode.scene.frame))
     info = outcome.info
@@ -75,7 +73,7 @@ class Oracle:
         self._where: tuple[str, int] | None = None
 
     def __call__(self, env: Any, observation: Any = None) -> Any:
-        """The next action; a new plan where the old one is over or the episode another one."""
+        """Return the next action; plan anew where the plan is over or the episode another one."""
         episode: Episode = env.unwrapped.episode
         if not self._plan or self._where != (episode.instance_id, episode.step):
             self._plan = self.plan(episode)
@@ -83,20 +81,19 @@ class Oracle:
         return self._plan.pop(0)
 
     def plan(self, episode: Episode) -> list[Any]:
-        """The actions of the best branch, or of its first move if the horizon is limited."""
+        """Return the actions of the best branch."""
         search, start = self.search, episode.state()
         depth = -(-(episode.n_steps - episode.step) // search.hold)
         branch = beam_search(
             start,
             self._settings,
             lambda state, wanted: self._play(episode, state, wanted),
-            depth if search.horizon is None else min(search.horizon, depth),
+            depth,
             search.width,
             lambda state: (state["simulation"]["totals"], state["coordinates"].tobytes()),
         )
         episode.restore(start)
-        moves = branch.moves if search.horizon is None else branch.moves[:1]
-        return self._as_actions(episode, start, moves)
+        return self._as_actions(episode, start, branch.moves)
 
     def _as_actions(self, episode: Episode, start: State, moves: Any) -> list[Any]:
         present, played, modes = start["coordinates"], [], episode.rules.actions
@@ -106,7 +103,7 @@ class Oracle:
         return played[: episode.n_steps - start["step"]]
 
     def _settings(self, state: State) -> list[Point]:
-        """Coordinates to try: as it is, a little to every side, and settings anywhere."""
+        """Return coordinates to try: the present ones, their neighbours, and settings anywhere."""
         search, here = self.search, state["coordinates"]
         tried = [here]
         for axis, way in itertools.product((0, 1, 2), (-search.near, search.near)):

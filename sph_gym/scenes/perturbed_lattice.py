@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sph_gym.scenes.free_bodies import conserved
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.free_bodies import conserved
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, known, positive, whole
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.kernels import KERNELS, MATCHED
@@ -47,28 +47,28 @@ def perturbed_lattice(
 
 
 def scale(sim: Simulation) -> float:
-    """rho0 c0^2 times the area [J/m]: an energy that doesn't vanish with the noise."""
+    """Return rho0 c0^2 times the area [J/m], an energy that doesn't vanish with the noise."""
     return sim.mass * sim.n_fluid * sim.scene.fluid.c0**2
 
 
 def error(sim: Simulation) -> float:
-    """Energy from nowhere, or gone there, as a share of `scale`."""
+    """Return the energy gained or lost, as a share of `scale`."""
     return abs(energy(sim) - energy(Simulation(sim.scene, threads=1))) / scale(sim)
 
 
 def energy(sim: Simulation) -> float:
-    """Kinetic and internal energy [J/m]."""
+    """Return kinetic plus internal energy [J/m]."""
     numbers = sim.diagnostics()
     return numbers["kinetic_energy"] + numbers["internal_energy"]
 
 
 def observe(sim: Simulation) -> dict[str, float]:
-    """What is conserved, and the energies."""
+    """Return `conserved`."""
     return conserved(sim)
 
 
 def judge(run: Run) -> list[Measure]:
-    """The drift of the energy, and of the momentum, which is zero at the start."""
+    """Judge the drift of the energy, and the momentum, which is zero at the start."""
     sim, total = run.sim, run.series("energy")
     matched = sim.scene.fluid.kernel in MATCHED
     quarter = max(len(total) // 4, 1)
@@ -88,7 +88,7 @@ def judge(run: Run) -> list[Measure]:
 
 
 def chart(run: Run) -> Chart:
-    """The energies in time, and the constant one."""
+    """Draw the energies over time, and the constant one."""
     sim = run.sim
     whole_energy = run.series("energy") / scale(sim)
     return Chart(

@@ -9,10 +9,10 @@ import numpy as np
 
 from sph_gym import scenes
 from sph_gym.scenes.dam_break import draw_flooded_obstacle
-from sph_gym.scenes.shared.family import Family
+from sph_gym.scenes.shared.family import FlowFamily
 
 # By the names of the environments, in the order of the scenes.
-FAMILIES: dict[str, Family] = {
+FAMILIES: dict[str, FlowFamily] = {
     family.name: family for family in map(scenes.family, scenes.names()) if family is not None
 }
 # The numbers of the sets are part of the seeds, never to be changed.
@@ -50,7 +50,7 @@ def draw(name: str, split: str, number: int, dx: float) -> Drawn:
 
 
 def _shifted(
-    family: Family, arguments: dict[str, Any], shift: str, rng: np.random.Generator
+    family: FlowFamily, arguments: dict[str, Any], shift: str, rng: np.random.Generator
 ) -> Drawn:
     """Return the flow with a property that no other set has."""
     dx = arguments["dx"]

@@ -151,36 +151,27 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def play(
         self, actions: NDArray[Any]
     ) -> tuple[list[Any], NDArray[np.bool_], NDArray[np.bool_], list[Any], list[Any]]:
-        """`step`, but with a list of infos, and one of last observations and infos or None."""
-        try:
-            given = list(iterate(self.action_space, actions))
-        except TypeError:
-            raise ValueError(
-                f"actions: expected {self.num_envs} of them, got {actions!r}"
-            ) from None
-        if len(given) != self.num_envs:
-            raise ValueError(f"actions: expected {self.num_envs} of them, got {actions!r}")
-        if self.autoreset_mode == AutoresetMode.DISABLED and self._over.any():
-            raise ResetNeeded(f"episodes {np.flatnonzero(self._over)} are over: reset them first")
+        """Do a `step`, and return a list of infos, and one of last observations and infos or None.
+
+        Raises as `step`.
+        """
         waiting = self._over & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
-        playing = [k for k in range(self.num_envs) if not waiting[k]]
-        for k in playing:
-            self.envs[k].check(given[k])
+        playing, resting = np.flatnonzero(~waiting).tolist(), np.flatnonzero(waiting).tolist()
+        given = self._check(actions, playing)
         infos: list[Any] = [None] * self.num_envs
         finals: list[Any] = [None] * self.num_envs
         terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
         rewards: list[Any] = [self.envs[0].rules.reward_of([0.0] * 5)] * self.num_envs
-        resting = np.flatnonzero(waiting).tolist()
         tasks: list[Callable[[], Any]] = [partial(self._step, k, given[k]) for k in playing]
-        outcomes = self._side_by_side(tasks + [partial(self._reset, k) for k in resting])
-        for k, outcome in zip(playing, outcomes, strict=False):
-            self.observations[k], rewards[k], terminated[k], truncated[k], infos[k] = outcome
-            self._elapsed[k] += 1
-            if self.max_episode_steps is not None and self._elapsed[k] >= self.max_episode_steps:
-                truncated[k] = True
-        self._over = terminated | truncated
-        for k, info in zip(resting, outcomes[len(playing) :], strict=True):
+        results = self._side_by_side(tasks + [partial(self._reset, k) for k in resting])
+        for k, result in zip(playing, results, strict=False):
+            self.observations[k], rewards[k], terminated[k], truncated[k], infos[k] = result
+        for k, info in zip(resting, results[len(playing) :], strict=True):
             infos[k] = info
+        self._elapsed[playing] += 1
+        if self.max_episode_steps is not None:
+            truncated[playing] |= self._elapsed[playing] >= self.max_episode_steps
+        self._over = terminated | truncated
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             ended = np.flatnonzero(self._over).tolist()
             for k in ended:
@@ -190,6 +181,20 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
                 infos[k] = info
         return rewards, terminated, truncated, infos, finals
 
+    def _check(self, actions: NDArray[Any], playing: list[int]) -> list[Any]:
+        """Return one action an environment, once all are known to be possible."""
+        try:
+            given = list(iterate(self.action_space, actions))
+        except TypeError:
+            given = []
+        if len(given) != self.num_envs:
+            raise ValueError(f"actions: expected {self.num_envs} of them, got {actions!r}")
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._over.any():
+            raise ResetNeeded(f"episodes {np.flatnonzero(self._over)} are over: reset them first")
+        for k in playing:
+            self.envs[k].check(given[k])
+        return given
+
     def _step(self, k: int, action: Any) -> Any:
         env = self.envs[k]
         env.begin_step(action)
@@ -197,19 +202,19 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
 
     def _side_by_side(self, tasks: Sequence[Callable[[], Any]]) -> list[Any]:
         """Return the results of tasks; every thread takes the next one that is left."""
-        outcomes: list[Any] = [None] * len(tasks)
+        results: list[Any] = [None] * len(tasks)
         left, team = iter(range(len(tasks))), teams.make_team()
 
         def part(rank: int, n_threads: int) -> None:
             for i in left:
                 if team[teams.STOP]:
                     return
-                outcomes[i] = tasks[i]()
+                results[i] = tasks[i]()
 
         most = teams.most_threads() if self.threads is None else self.threads
         with teams.borrow(min(most, max(len(tasks), 1))) as n_threads:
             teams.run(part, n_threads, team)
-        return outcomes
+        return results
 
     # --- everything else --------------------------------------------------------------------
 

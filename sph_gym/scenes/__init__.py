@@ -11,7 +11,7 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
 
-from sph_gym.scenes.shared.family import Family
+from sph_gym.scenes.shared.family import FlowFamily
 from sph_gym.scenes.shared.reference import Reference
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
@@ -84,7 +84,7 @@ def refinement(name: str) -> Any:
     return getattr(_module(name), "REFINEMENT", None)
 
 
-def family(name: str) -> Family | None:
+def family(name: str) -> FlowFamily | None:
     """Return the family of flows of a scene's environment, None if it has no environment.
 
     Raises ValueError for an unknown name.

@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 
 from sph_gym.scenes.shared import martin_moyce, shallow, tanks
-from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, Family
-from sph_gym.scenes.shared.martin_moyce import front as front
-from sph_gym.scenes.shared.martin_moyce import front_error as front_error
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
 from sph_gym.solver.checks import in_range, positive
@@ -91,7 +89,7 @@ def observe(sim: Simulation) -> dict[str, Any]:
     water, flow = expected(sim.scene)
     half = 0.0 if flow is None else (flow.depth + water.wet_bed) / 2
     return {
-        "front": front(sim),
+        "front": martin_moyce.front(sim),
         "height": martin_moyce.left_height(sim),
         "bore": 0.0 if flow is None else shallow.bore(sim, half),
         **tanks.observe(sim),
@@ -179,7 +177,7 @@ def draw_flooded_obstacle(rng: np.random.Generator, dx: float) -> dict[str, floa
     }
 
 
-FAMILY = Family(
+FAMILY = FlowFamily(
     "dam_break",
     dx=0.04,
     seed=1,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.scenes.shared import tanks
-from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, Family
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
@@ -58,7 +58,7 @@ def drop_impact(
     )
 
 
-class Fall(NamedTuple):
+class FreeFall(NamedTuple):
     """Free fall of the drop, while nothing touches it.
 
     drop: (n,) True for its particles; start: its centre [m]; gap: between it and the pool
@@ -76,7 +76,7 @@ class Fall(NamedTuple):
         return self.start[1] - self.gravity / 2 * times**2
 
 
-def fall(scene: Scene) -> Fall:
+def fall(scene: Scene) -> FreeFall:
     """Return the free fall of the particles above the widest gap between heights."""
     x = np.asarray(scene.x)
     heights = np.sort(x[:, 1])
@@ -85,7 +85,7 @@ def fall(scene: Scene) -> Fall:
     gap = float(heights[below + 1] - heights[below])
     gravity = -float(scene.effects.gravity_at(0.0)[1])
     until = math.sqrt(2 * max(gap - scene.h, 0.0) / gravity)
-    return Fall(drop, x[drop].mean(axis=0), gap, gravity, until)
+    return FreeFall(drop, x[drop].mean(axis=0), gap, gravity, until)
 
 
 def centre(sim: Simulation) -> NDArray[np.float64]:
@@ -114,29 +114,17 @@ def judge(run: Run) -> list[Measure]:
     """Judge the free fall, and the tank."""
     scene = run.sim.scene
     fine = fall(scene).gap / scene.dx > 39.5
-    return [
-        Measure(
-            "free fall",
-            float(np.nanmax(run.series("error"))),
-            "% of the way",
-            0.1 if fine else None,
-        ),
-        *tanks.judge(run),
-    ]
+    worst = float(np.nanmax(run.series("error")))
+    return [Measure("free fall", worst, "% of the way", 0.1 if fine else None), *tanks.judge(run)]
 
 
 def chart(run: Run) -> Chart:
     """Draw the height of the drop's centre, and the parabola of its fall."""
     free = fall(run.sim.scene)
     times = np.linspace(0.0, free.until, 50)
-    return Chart(
-        "time [s]",
-        "height of the drop's centre [m]",
-        [
-            Curve("free fall", times, free.height(times), reference=True),
-            Curve("simulated", run.times, run.series("height")),
-        ],
-    )
+    parabola = Curve("free fall", times, free.height(times), reference=True)
+    simulated = Curve("simulated", run.times, run.series("height"))
+    return Chart("time [s]", "height of the drop's centre [m]", [parabola, simulated])
 
 
 REFERENCE = Reference(
@@ -162,7 +150,7 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = Family(
+FAMILY = FlowFamily(
     "drop_impact",
     dx=0.03,
     seed=2,

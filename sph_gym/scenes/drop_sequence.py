@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, Family
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.solver.checks import in_range, positive, whole
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -77,4 +77,4 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = Family("drop_sequence", dx=0.03, seed=3, draw=draw, odd=STRONG_GRAVITY, headroom=1.879)
+FAMILY = FlowFamily("drop_sequence", dx=0.03, seed=3, draw=draw, odd=STRONG_GRAVITY, headroom=1.879)

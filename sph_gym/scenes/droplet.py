@@ -154,10 +154,9 @@ def judge(run: Run) -> list[Measure]:
         ]
     late = run.times > SETTLED * run.times[-1]
     pressure, kinetic = run.series("pressure")[late], run.series("kinetic")
+    off = 100 * abs(pressure.mean() / jump(scene) - 1)
     return [
-        Measure(
-            "error of the pressure jump", 100 * abs(pressure.mean() / jump(scene) - 1), "%", bound
-        ),
+        Measure("error of the pressure jump", off, "%", bound),
         Measure("its scatter in time", 100 * float(pressure.std()) / jump(scene), "%"),
         Measure("roughness", 100 * float(run.series("roughness")[late].mean()), "% of R"),
         Measure("kinetic energy at rest", float(kinetic[late].mean() / kinetic.max()), "of peak"),
@@ -167,23 +166,17 @@ def judge(run: Run) -> list[Measure]:
 
 def chart(run: Run) -> Chart:
     """Draw the pressure inside a square, the axes of an ellipse, over time."""
-    scene = run.sim.scene
+    scene, times, swing = run.sim.scene, run.times, run.series("swing")
     if is_square(scene):
-        simulated = Curve("simulated", run.times, run.series("pressure"))
-        expected = Curve("sigma / R", run.times[[0, -1]], 2 * [jump(scene)], reference=True)
+        simulated = Curve("simulated", times, run.series("pressure"))
+        expected = Curve("sigma / R", times[[0, -1]], 2 * [jump(scene)], reference=True)
         return Chart("time [s]", "pressure inside [Pa]", [simulated, expected])
-    swing = run.series("swing")
-    _, decay = damped(run.times, swing, frequency(scene))
+    _, decay = damped(times, swing, frequency(scene))
     omega = math.sqrt(max(frequency(scene) ** 2 - decay**2, 0.0))
-    exact = swing[0] * np.exp(-decay * run.times) * np.cos(omega * run.times)
-    return Chart(
-        "time [s]",
-        "ln(a / b) of the semi-axes",
-        [
-            Curve("simulated", run.times, swing),
-            Curve("Rayleigh, with this decay", run.times, exact, reference=True),
-        ],
-    )
+    exact = swing[0] * np.exp(-decay * times) * np.cos(omega * times)
+    simulated = Curve("simulated", times, swing)
+    expected = Curve("Rayleigh, with this decay", times, exact, reference=True)
+    return Chart("time [s]", "ln(a / b) of the semi-axes", [simulated, expected])
 
 
 REFERENCE = Reference(

@@ -92,16 +92,12 @@ def judge(run: Run) -> list[Measure]:
 def chart(run: Run) -> Chart:
     """Draw the major semi-axis over time."""
     radius, rate = start(run.sim.scene)
-    exact = radius * ellipse(run.times, -rate)[:, 1]
-    return Chart(
-        "time [s]",
-        "major semi-axis [m]",
-        [
-            Curve("tip", run.times, run.series("tip")),
-            Curve("second moments", run.times, run.series("major")),
-            Curve("exact", run.times, exact, reference=True),
-        ],
-    )
+    curves = [
+        Curve("tip", run.times, run.series("tip")),
+        Curve("second moments", run.times, run.series("major")),
+        Curve("exact", run.times, radius * ellipse(run.times, -rate)[:, 1], reference=True),
+    ]
+    return Chart("time [s]", "major semi-axis [m]", curves)
 
 
 REFERENCE = Reference(

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.scenes.shared import tanks
-from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, Family
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
 from sph_gym.solver.checks import in_range, positive
@@ -170,7 +170,7 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = Family(
+FAMILY = FlowFamily(
     "hydrostatic_tank",
     dx=0.03,
     seed=4,

@@ -108,16 +108,13 @@ def chart(run: Run) -> Chart:
     """Draw the mean profiles on both centre lines, and Ghia's."""
     u, v = run.series("profiles")[_steady(run)].mean(axis=0)
     table_u, table_v = (read(table) for table in TABLES)
-    return Chart(
-        "y / L of u, x / L of v",
-        "u / U, v / U",
-        [
-            Curve("u on the vertical centre line", table_u[:, 0], u),
-            Curve("u, Ghia et al.", table_u[:, 0], table_u[:, 1], reference=True),
-            Curve("v on the horizontal centre line", table_v[:, 0], v),
-            Curve("v, Ghia et al.", table_v[:, 0], table_v[:, 1], reference=True),
-        ],
-    )
+    curves = [
+        Curve("u on the vertical centre line", table_u[:, 0], u),
+        Curve("u, Ghia et al.", table_u[:, 0], table_u[:, 1], reference=True),
+        Curve("v on the horizontal centre line", table_v[:, 0], v),
+        Curve("v, Ghia et al.", table_v[:, 0], table_v[:, 1], reference=True),
+    ]
+    return Chart("y / L of u, x / L of v", "u / U, v / U", curves)
 
 
 REFERENCE = Reference(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, Family
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -65,4 +65,4 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = Family("long_fall", dx=0.02, seed=5, draw=draw, odd=STRONG_GRAVITY, headroom=2.538)
+FAMILY = FlowFamily("long_fall", dx=0.02, seed=5, draw=draw, odd=STRONG_GRAVITY, headroom=2.538)

@@ -129,14 +129,9 @@ def judge(run: Run) -> list[Measure]:
 
 def chart(run: Run) -> Chart:
     """Draw the semi-axis along x over time."""
-    return Chart(
-        "time [s]",
-        "semi-axis along x [m]",
-        [
-            Curve("simulated", run.times, run.series("a")),
-            Curve("exact", run.times, axis(run.sim.scene, run.times), reference=True),
-        ],
-    )
+    simulated = Curve("simulated", run.times, run.series("a"))
+    exact = Curve("exact", run.times, axis(run.sim.scene, run.times), reference=True)
+    return Chart("time [s]", "semi-axis along x [m]", [simulated, exact])
 
 
 REFERENCE = Reference(

@@ -6,7 +6,7 @@ article's fluid, whose time step, stiffness and smoothing can be tuned.
 
 import numpy as np
 
-from sph_gym.scenes.shared.family import Family
+from sph_gym.scenes.shared.family import FlowFamily
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene
@@ -56,7 +56,7 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = Family(
+FAMILY = FlowFamily(
     "patch_impact",
     environment="colliding_patches",
     dx=0.05,

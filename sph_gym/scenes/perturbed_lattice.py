@@ -62,11 +62,6 @@ def energy(sim: Simulation) -> float:
     return numbers["kinetic_energy"] + numbers["internal_energy"]
 
 
-def observe(sim: Simulation) -> dict[str, float]:
-    """Return `conserved`."""
-    return conserved(sim)
-
-
 def judge(run: Run) -> list[Measure]:
     """Judge the drift of the energy, and the momentum, which is zero at the start."""
     sim, total = run.sim, run.series("energy")
@@ -75,38 +70,32 @@ def judge(run: Run) -> list[Measure]:
     drift = float(abs(total[-quarter:].mean() - total[:quarter].mean()))
     speed = float(run.series("speed").max()) or 1.0
     momentum = np.hypot(*run.series("momentum").T).max() / (sim.mass * sim.n_fluid * speed)
-    bound = 1e-5 if matched else None
+    largest = float(np.abs(total - total[0]).max())
+    bounds, unit = (1e-5, 2e-8) if matched else (None, None), "of rho c^2"
     return [
-        Measure(
-            "largest change of energy", float(np.abs(total - total[0]).max()) / scale(sim),
-            "of rho c^2", bound,
-        ),
-        Measure("drift of energy", drift / scale(sim), "of rho c^2", 2e-8 if matched else None),
+        Measure("largest change of energy", largest / scale(sim), unit, bounds[0]),
+        Measure("drift of energy", drift / scale(sim), unit, bounds[1]),
         Measure("drift of energy, against the start", drift / float(total[0]), ""),
         Measure("momentum", float(momentum), "of m v_max", 1e-12),
-    ]  # fmt: skip
+    ]
 
 
 def chart(run: Run) -> Chart:
     """Draw the energies over time, and the constant one."""
-    sim = run.sim
-    whole_energy = run.series("energy") / scale(sim)
-    return Chart(
-        "time [s]",
-        "energy / (rho c^2)",
-        [
-            Curve("kinetic", run.times, run.series("kinetic") / scale(sim)),
-            Curve("kinetic and internal", run.times, whole_energy),
-            Curve("conserved", run.times[[0, -1]], whole_energy[[0, 0]], reference=True),
-        ],
-    )
+    kinetic, total = (run.series(name) / scale(run.sim) for name in ("kinetic", "energy"))
+    curves = [
+        Curve("kinetic", run.times, kinetic),
+        Curve("kinetic and internal", run.times, total),
+        Curve("conserved", run.times[[0, -1]], total[[0, 0]], reference=True),
+    ]
+    return Chart("time [s]", "energy / (rho c^2)", curves)
 
 
 REFERENCE = Reference(
     source="conservation of energy and momentum",
     unit="of rho c^2",
     error=error,
-    observe=observe,
+    observe=conserved,
     judge=judge,
     chart=chart,
     resolutions=tuple({"kernel": kernel} for kernel in KERNELS if kernel in MATCHED),

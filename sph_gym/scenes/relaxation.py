@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.scenes.shared.family import Family
+from sph_gym.scenes.shared.family import FlowFamily
 from sph_gym.scenes.shared.free_bodies import conserved, momentum_measures
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, positive, whole
@@ -78,14 +78,9 @@ def judge(run: Run) -> list[Measure]:
 def chart(run: Run) -> Chart:
     """Draw the radius over time."""
     size = run.series("radius")
-    return Chart(
-        "time [s]",
-        "radius [m]",
-        [
-            Curve("simulated", run.times, size),
-            Curve("at the start", run.times[[0, -1]], size[[0, 0]], reference=True),
-        ],
-    )
+    simulated = Curve("simulated", run.times, size)
+    start = Curve("at the start", run.times[[0, -1]], size[[0, 0]], reference=True)
+    return Chart("time [s]", "radius [m]", [simulated, start])
 
 
 REFERENCE = Reference(
@@ -108,7 +103,7 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = Family(
+FAMILY = FlowFamily(
     "relaxation",
     dx=0.03,
     seed=6,

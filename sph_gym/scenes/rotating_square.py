@@ -68,6 +68,12 @@ def initial_pressure(x: float, y: float, side: float, omega: float, rho: float =
     return float(rho * omega**2 * np.sin(k * x) @ size @ np.sin(k * y))
 
 
+def central(scene: Scene) -> float:
+    """Return that pressure [Pa] in the middle of a scene's patch."""
+    side, omega = start(scene)
+    return initial_pressure(side / 2, side / 2, side, omega, scene.fluid.rho0)
+
+
 def central_pressure(sim: Simulation) -> float:
     """Return p [Pa] within two spacings of the middle, as the forces have it.
 
@@ -114,9 +120,7 @@ def early_pressure(run: Run) -> float:
 
 def judge(run: Run) -> list[Measure]:
     """Judge the energy lost, the first pressures against the series, and the conservation."""
-    side, omega = start(run.sim.scene)
-    series = initial_pressure(side / 2, side / 2, side, omega, run.sim.scene.fluid.rho0)
-    pressure = 100 * abs(early_pressure(run) / series - 1)
+    pressure = 100 * abs(early_pressure(run) / central(run.sim.scene) - 1)
     return [
         *energy_measures(run),
         Measure("first pressure in the middle", pressure, "% of the series", 2.0),
@@ -126,16 +130,9 @@ def judge(run: Run) -> list[Measure]:
 
 def chart(run: Run) -> Chart:
     """Draw the pressure in the middle over time."""
-    side, omega = start(run.sim.scene)
-    series = initial_pressure(side / 2, side / 2, side, omega, run.sim.scene.fluid.rho0)
-    return Chart(
-        "time [s]",
-        "pressure in the middle [Pa]",
-        [
-            Curve("simulated", run.times, run.series("pressure")),
-            Curve("series, at the start", run.times[:1], [series], reference=True),
-        ],
-    )
+    simulated = Curve("simulated", run.times, run.series("pressure"))
+    exact = Curve("series, at the start", run.times[:1], [central(run.sim.scene)], reference=True)
+    return Chart("time [s]", "pressure in the middle [Pa]", [simulated, exact])
 
 
 REFERENCE = Reference(

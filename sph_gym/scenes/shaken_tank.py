@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sph_gym.scenes.shared import waves
-from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, Family
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.gravity import RecordedGravity
@@ -74,7 +74,7 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = Family(
+FAMILY = FlowFamily(
     "shaken_tank",
     environment="sloshing",
     dx=0.025,

@@ -100,20 +100,15 @@ def judge(run: Run) -> list[Measure]:
         Measure("frequency", 100 * abs(found / omega(scene) - 1), "%", 2.0 if fine else None),
         Measure("decay of the amplitude in a period", 100 * died, "%"),
         Measure("energy from nowhere", run.series("excess").max(), "of what is at stake", 1e-3),
-    ]  # fmt: skip
+    ]
 
 
 def chart(run: Run) -> Chart:
     """Draw the elevation at the left wall over time."""
     expected = exact(run.sim.scene, run.times)
-    return Chart(
-        "time [s]",
-        "elevation at the left wall [m]",
-        [
-            Curve("linear theory", run.times, expected, reference=True),
-            Curve("simulated", run.times, run.series("elevation")),
-        ],
-    )
+    theory = Curve("linear theory", run.times, expected, reference=True)
+    simulated = Curve("simulated", run.times, run.series("elevation"))
+    return Chart("time [s]", "elevation at the left wall [m]", [theory, simulated])
 
 
 REFERENCE = Reference(

@@ -63,8 +63,8 @@ def test_a_folder_that_cannot_be_written_only_warns(tmp_path, monkeypatch):
 
 
 def test_a_full_disk_only_warns_and_leaves_nothing_behind(store, monkeypatch):
-    def full(file, **arrays):
-        file.write(b"PK half of it")
+    def full(path, **arrays):
+        path.write_bytes(b"PK half of it")
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(module.np, "savez_compressed", full)
@@ -76,7 +76,7 @@ def test_a_full_disk_only_warns_and_leaves_nothing_behind(store, monkeypatch):
 def test_a_draft_of_a_killed_writer_is_swept_away(store):
     first = reference(SCENE)
     [kept] = store.iterdir()
-    old, young = (kept.with_name(f"{kept.name}.{pid}.1.tmp") for pid in (1, 2))
+    old, young = (kept.with_name(f".{kept.stem}.{pid}.1{kept.suffix}") for pid in (1, 2))
     for draft in (old, young):
         draft.write_bytes(b"half")
     os.utime(old, (0, 0))

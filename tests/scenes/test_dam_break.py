@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation
-from sph_gym.scenes.dam_break import REFERENCE, dam_break, error, front, front_error
+from sph_gym.scenes.dam_break import REFERENCE, dam_break, error
 from sph_gym.scenes.drop_impact import REFERENCE as DROP
 from sph_gym.scenes.drop_impact import centre, drop_impact, fall
 from sph_gym.scenes.drop_impact import error as drop_error
 from sph_gym.scenes.shared import martin_moyce, shallow, tanks
+from sph_gym.scenes.shared.martin_moyce import front, front_error
 from sph_gym.scenes.shared.reference import Run, read
 from sph_gym.solver.geometry import lattice, tank_particles
 

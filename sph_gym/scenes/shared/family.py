@@ -13,7 +13,7 @@ STRONG_GRAVITY = ("gravity", 20.0, 40.0)
 
 
 @dataclass(frozen=True)
-class Family:
+class FlowFamily:
     """The flows of an environment and what is known of it as a game; `FAMILY` of a scene's module.
 
     scene: name of the scene that shows them; dx: a spacing at which an episode takes a second [m],

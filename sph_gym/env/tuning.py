@@ -69,6 +69,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         scene: str | Scene | None = None,
         dx: float | None = None,
         instances: str = "nominal",
+        *,
         render_mode: str | None = None,
         **rules: Any,
     ) -> None:

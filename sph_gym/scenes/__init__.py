@@ -16,8 +16,8 @@ from sph_gym.scenes.shared.reference import Reference
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 
-# Numbers of environments and draws of the mixed one follow this order, so that new scenes must
-# come last: they need no entry here, and follow by their names.
+# The order of the scenes that were there first, in which `sph_gym/Mixed-v0` numbers its
+# environments. A new scene needs no entry: it follows these, by its name.
 _FIRST = (
     "dam_break", "drop_impact", "drop_sequence", "long_fall", "patch_impact", "shaken_tank",
     "hydrostatic_tank", "relaxation", "elliptical_drop", "oscillating_drop", "droplet",

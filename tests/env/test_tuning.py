@@ -175,6 +175,11 @@ def test_wrong_arguments_are_refused(arguments):
         sph_gym.TuningEnv(**({"scene": "dam_break"} | arguments))
 
 
+def test_unknown_arguments_are_named():
+    with pytest.raises(TypeError, match="'luck'"):
+        gym.make("sph_gym/DamBreak-v0", luck=1.0)
+
+
 def test_weights_scale_their_terms():
     env = gym.make("sph_gym/DamBreak-v0", reward_weights={"work": 2.0}, **COARSE).unwrapped
     plain = gym.make("sph_gym/DamBreak-v0", **COARSE).unwrapped

@@ -36,7 +36,7 @@ class Subject(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """What happens, in a sentence."""
+        """First paragraph of the story, in one line."""
         return " ".join(self.story.split("\n\n")[0].split())
 
     @property
@@ -48,7 +48,7 @@ class Subject(NamedTuple):
 
     @property
     def story(self) -> str:
-        """What happens, in any number of paragraphs."""
+        """Description of the flow, in any number of paragraphs."""
         if self.scene is None:
             return "A `Scene` of your own, given as `scene=`."
         if self.scene == MIXED:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.extras import needs_extra
 from sph_gym.scenes.shared.free_bodies import conserved, momentum_measures, rings, semi_axes
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
@@ -102,22 +103,19 @@ def roughness(sim: Simulation) -> float:
 
 
 def damped(times: Array, swing: Array, guess: float) -> tuple[float, float]:
-    """Return frequency and decay rate [1/s] of the damped wave that fits best; guess: [1/s]."""
+    """Return frequency and decay rate [1/s] of the damped wave that fits best; guess: [1/s].
 
-    def misfit(omega: float, decay: float) -> float:
-        fade = np.exp(-decay * times)
-        waves = [fade * np.cos(omega * times), fade * np.sin(omega * times), np.ones_like(times)]
-        matrix = np.stack(waves, axis=-1)
-        weights = np.linalg.lstsq(matrix, swing, rcond=None)[0]
-        return float(((matrix @ weights - swing) ** 2).sum())
+    Raises ImportError that names the extra if scipy is missing.
+    """
+    with needs_extra("studies"):
+        from scipy.optimize import curve_fit
 
-    omega, decay, width = guess, 0.15 * guess, 0.5 * guess
-    for _ in range(12):
-        steps = width * np.linspace(-1, 1, 9)
-        trials = [(omega + a, max(decay + b, 0.0)) for a in steps for b in 0.3 * steps]
-        omega, decay = min((t for t in trials if t[0] > 0), key=lambda trial: misfit(*trial))
-        width /= 2
-    return omega, decay
+    def wave(t: Array, omega: float, decay: float, a: float, b: float, mean: float) -> Array:
+        return mean + np.exp(-decay * t) * (a * np.cos(omega * t) + b * np.sin(omega * t))
+
+    start, lowest = (guess, 0.15 * guess, swing[0], 0.0, 0.0), (0.0, 0.0, *[-np.inf] * 3)
+    omega, decay, *_ = curve_fit(wave, times, swing, start, bounds=(lowest, np.inf))[0]
+    return float(omega), float(decay)
 
 
 def error(sim: Simulation) -> float:

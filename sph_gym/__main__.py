@@ -200,8 +200,8 @@ def _add_manifest(commands: Any) -> None:
 
 
 def _manifest(options: argparse.Namespace) -> int:
+    from sph_gym.env.build_manifests import prepare, stamp
     from sph_gym.env.manifest import FOLDER
-    from sph_gym.env.preparation import prepare, stamp
 
     folder = Path(options.output) if options.output else FOLDER
     if options.stamp:

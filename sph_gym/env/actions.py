@@ -1,4 +1,4 @@
-"""How an action becomes controls: absolute settings, steps, or one of 27 choices.
+"""Actions and the controls that they ask for: absolute settings, steps, or one of 27 choices.
 
 All three modes share the same coordinates in [-1, 1]^3:
 
@@ -27,12 +27,12 @@ XSPH = (0.0, 0.6)
 LOG_COURANT, LOG_SOUND = ((math.log(low), math.log(high)) for low, high in (COURANT, SOUND))
 # Largest change of a coordinate in one step of the modes "delta" and "discrete".
 STEP = 0.25
-# (27, 3) what a discrete action does to every coordinate, in multiples of STEP.
+# (27, 3) change of every coordinate by a discrete action, in multiples of STEP.
 MOVES = np.array(np.unravel_index(np.arange(27), (3, 3, 3))).T - 1
 
 
 class Coordinate(NamedTuple):
-    """What a coordinate means: the quantity that is `low` at -1 and `high` at +1."""
+    """Meaning of a coordinate: the quantity that is `low` at -1 and `high` at +1."""
 
     name: str
     quantity: str
@@ -64,13 +64,13 @@ Coordinates = NDArray[np.float64]
 
 
 def encode(scene: Scene, controls: Controls) -> Coordinates:
-    """Coordinates of controls, cut off at -1 and 1."""
+    """Return the coordinates of controls, cut off at -1 and 1."""
     c = scene.fluid.sound_speed(controls.stiffness)
     return locate(controls.dt * c / scene.h, c / scene.fluid.c0, controls.xsph)
 
 
 def locate(courant: float, sound: float, xsph: float) -> Coordinates:
-    """Coordinates of a multiple dt c / h, a multiple of c0 and epsilon, cut off at -1 and 1."""
+    """Return the coordinates of dt c / h, c / c0 and epsilon, cut off at -1 and 1."""
     numbers = (
         _position(math.log(courant), *LOG_COURANT),
         _position(math.log(sound), *LOG_SOUND),
@@ -80,7 +80,7 @@ def locate(courant: float, sound: float, xsph: float) -> Coordinates:
 
 
 def decode(scene: Scene, coordinates: Coordinates) -> Controls:
-    """Controls at coordinates in [-1, 1]^3."""
+    """Return the controls at coordinates in [-1, 1]^3."""
     dt, stiffness, xsph = coordinates.tolist()
     courant = math.exp(_value(dt, *LOG_COURANT))
     c = scene.fluid.c0 * math.exp(_value(stiffness, *LOG_SOUND))
@@ -88,7 +88,7 @@ def decode(scene: Scene, coordinates: Coordinates) -> Controls:
 
 
 def limit(wanted: Coordinates, present: Coordinates, factor: float) -> Coordinates:
-    """`wanted`, but with a sound speed at most `factor` times, or 1 / factor, the present one."""
+    """Return `wanted` with a sound speed within `factor` and 1 / factor times the present one."""
     reach = 2 * math.log(factor) / math.log(SOUND[1] / SOUND[0])
     held = wanted.copy()
     held[1] = min(max(wanted[1], present[1] - reach), present[1] + reach)
@@ -96,7 +96,7 @@ def limit(wanted: Coordinates, present: Coordinates, factor: float) -> Coordinat
 
 
 def useful(scene: Scene, factor: float | None) -> tuple[bool, bool, bool]:
-    """Which coordinates do anything in a scene; factor: of `limit`, None where there is none."""
+    """Return True for coordinates that do anything in a scene; factor: of `limit`, or None."""
     return True, factor != 1.0, scene.effects.xsph
 
 
@@ -113,7 +113,7 @@ def _box_action(action: Any) -> Coordinates:
         numbers = np.asarray(action)
     except (TypeError, ValueError):
         numbers = np.array(None)
-    # texts and booleans that numpy would take for numbers are none
+    # numpy would take texts and booleans for numbers
     usable = numbers.shape == (3,) and numbers.dtype.kind in "fiu"
     a, b, c = numbers.tolist() if usable else (math.nan,) * 3
     if not (-1 <= a <= 1 and -1 <= b <= 1 and -1 <= c <= 1):
@@ -137,15 +137,15 @@ class Absolute:
     """The action is the coordinates."""
 
     def space(self) -> spaces.Space[Any]:
-        """Box(-1, 1, (3,), float32)."""
+        """Return Box(-1, 1, (3,), float32)."""
         return spaces.Box(-1.0, 1.0, (3,), np.float32)
 
     def act(self, action: Any, present: Coordinates) -> Coordinates:
-        """The coordinates that the action asks for."""
+        """Return the coordinates that the action asks for."""
         return _box_action(action)
 
     def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
-        """The action that comes closest to wanted coordinates."""
+        """Return the action that comes closest to wanted coordinates."""
         return wanted.astype(np.float32)
 
 
@@ -153,15 +153,15 @@ class Delta:
     """The action moves the present coordinates by up to STEP."""
 
     def space(self) -> spaces.Space[Any]:
-        """Box(-1, 1, (3,), float32)."""
+        """Return Box(-1, 1, (3,), float32)."""
         return spaces.Box(-1.0, 1.0, (3,), np.float32)
 
     def act(self, action: Any, present: Coordinates) -> Coordinates:
-        """The coordinates that the action asks for."""
+        """Return the coordinates that the action asks for."""
         return np.clip(present + STEP * _box_action(action), -1.0, 1.0)
 
     def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
-        """The action that comes closest to wanted coordinates."""
+        """Return the action that comes closest to wanted coordinates."""
         return np.clip((wanted - present) / STEP, -1.0, 1.0).astype(np.float32)
 
 
@@ -169,17 +169,17 @@ class Discrete:
     """27 actions: each coordinate down, as it is, or up by STEP; 13 changes nothing."""
 
     def space(self) -> spaces.Space[Any]:
-        """Discrete(27): 9 a + 3 b + c with a, b, c in 0, 1, 2 for the three coordinates."""
+        """Return Discrete(27): 9 a + 3 b + c with a, b, c in 0, 1, 2 for the three coordinates."""
         return spaces.Discrete(27)
 
     def act(self, action: Any, present: Coordinates) -> Coordinates:
-        """The coordinates that the action asks for."""
+        """Return the coordinates that the action asks for."""
         return np.clip(present + STEP * MOVES[_choice(action)], -1.0, 1.0)
 
     def masks(
         self, present: Coordinates, useful: tuple[bool, bool, bool] = (True, True, True)
     ) -> NDArray[np.bool_]:
-        """(27,) which actions do something that no other one does.
+        """Return (27,) True for actions that do something that no other one does.
 
         A coordinate at its end can't be moved beyond it, and one that isn't `useful` does
         nothing: moving it and leaving it are the same.
@@ -189,7 +189,7 @@ class Discrete:
         return np.asarray(~(beyond | idle).any(axis=1))
 
     def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
-        """The action that comes closest to wanted coordinates."""
+        """Return the action that comes closest to wanted coordinates."""
         moves = np.clip(np.rint((wanted - present) / STEP), -1, 1).astype(int) + 1
         return np.int64(np.ravel_multi_index(tuple(moves), (3, 3, 3)))
 
@@ -202,5 +202,5 @@ MODES: dict[str, type[Absolute] | type[Delta] | type[Discrete]] = {
 
 
 def make(mode: str) -> Absolute | Delta | Discrete:
-    """The action type of that name. Raises ValueError that lists the known ones."""
+    """Return an action type by its name. Raises ValueError that lists the known ones."""
     return MODES[known("action_mode", mode, MODES)]()

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.env import manifest
+from sph_gym.extras import needs_extra
 from sph_gym.solver.checks import whole
 
 # (environment, observation) -> action
@@ -32,11 +33,10 @@ def record(
     environment draws with seed + k. arguments: of the environment; metadata: what else
     `minari.create_dataset_from_buffers` takes, such as author, algorithm_name, description.
     An episode's metadata holds seed, options, instance_id, blowup_cause and rewards_sum, so that
-    the environment that the dataset recovers can play it again, and as "instance" all that makes
-    its flow (`sph_gym.env.identity.Identity`, as JSON), so that it can be told whether another
-    version still shows the same; the dataset's holds the manifest_version. A `Scene` of one's own
-    can't be recovered, of which Minari warns: keep the program that makes it. With reward="vector"
-    rewards are (n_steps, n_terms), and rewards_sum is over all terms.
+    the recovered environment can play it again, and as "instance" the identity of its flow
+    (`sph_gym.env.identity.Identity`, as JSON); the dataset's holds the manifest_version. A `Scene`
+    of your own can't be recovered, and Minari warns: keep the program that makes it. With
+    reward="vector" rewards are (n_steps, n_terms), and rewards_sum is over all terms.
 
     Raises ValueError for less than one episode and for a dataset that exists or whose name isn't
     NAMESPACE/NAME-vNUMBER, ImportError that names the extra to install.
@@ -57,7 +57,7 @@ def record(
         unwrapped: Any = env.unwrapped
         shown.append(json.dumps(unwrapped.instance._asdict()))
     with warnings.catch_warnings():
-        # what nobody gave is a matter of taste: author, e-mail, link to the code
+        # author, e-mail and link to the code are optional
         warnings.filterwarnings("ignore", r".* is set to None", UserWarning)
         # a picture of numbers must come back as it was
         dataset = minari.create_dataset_from_buffers(
@@ -70,13 +70,11 @@ def record(
 
 
 def _prepare(dataset_id: str) -> None:
-    """See that the dataset can be written, before anything is played."""
-    try:
+    """Check that the dataset can be written, before anything is played."""
+    with needs_extra("agents"):
         from minari.dataset.minari_dataset import parse_dataset_id
         from minari.namespace import create_namespace, list_local_namespaces
         from minari.storage.datasets_root_dir import get_dataset_path
-    except ImportError:
-        raise ImportError('datasets need more: pip install "sph_gym[agents]"') from None
     try:
         namespace, _, _ = parse_dataset_id(dataset_id)
     except (ValueError, TypeError):  # minari trips over a name without a version
@@ -90,7 +88,7 @@ def _prepare(dataset_id: str) -> None:
 
 
 def _play(env: gym.Env[Any, Any], policy: Policy, seed: int, options: dict[str, Any] | None) -> Any:
-    """One episode as an `EpisodeBuffer`.
+    """Play one episode and return it as an `EpisodeBuffer`.
 
     `minari.DataCollector` would do the same, but asks for jax to append to lists.
     """
@@ -118,7 +116,7 @@ def _play(env: gym.Env[Any, Any], policy: Policy, seed: int, options: dict[str, 
 
 
 def _summary(buffer: Any, instance: str) -> dict[str, Any]:
-    """What an episode's metadata holds besides seed and options."""
+    """Return an episode's metadata besides seed and options."""
     return {
         "instance": instance,
         "instance_id": buffer.infos["instance_id"][0],

@@ -1,6 +1,6 @@
-"""One episode: everything of an environment but the running of the solver.
+"""One episode: everything of an environment except the running of the solver.
 
-Single and vector environments share this: they differ only in who advances the simulation between
+Single and vector environments share this: they only differ in how the simulation advances between
 `act` and `conclude`.
 """
 
@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from sph_gym.env import actions, observations, rewards, states
-from sph_gym.env.observations import Features, Field, Moment, look
+from sph_gym.env import actions, rewards
+from sph_gym.env.observations import Moment, measure
 from sph_gym.env.reference import n_frames, reference
+from sph_gym.env.rules import Rules
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 
-# What info holds: unit ("text" for strings) and meaning.
+# The entries of info: unit ("text" for strings) and meaning.
 INFO = {
     "instance_id": ("text", "which flow the episode shows"),
     "blowup_cause": ("text", "cfl, stiffness, clumping, tunnelling, energy or nan; else empty"),
@@ -36,40 +37,12 @@ INFO = {
     "rollbacks": ("-", "blow-ups that were taken back in a row"),
     **{f"reward_{term}": ("-", f"weighted term {term} of the reward") for term in rewards.TERMS},
 }  # fmt: skip
-# Of the terms in info, spelt once: a step is short.
+# Keys of the terms in info, spelt once: a step is short.
 _TERMS = tuple(f"reward_{term}" for term in rewards.TERMS)
 
 
-class Rules(NamedTuple):
-    """What all episodes of an environment share.
-
-    rollbacks: how many blow-ups in a row are taken back, 0 if the first one ends the episode;
-    rate_limit: largest factor by which the sound speed may change in a step, or None.
-    """
-
-    actions: actions.Absolute | actions.Delta | actions.Discrete
-    observations: Features | Field
-    weights: dict[str, float]
-    tolerances: rewards.Tolerances
-    rollbacks: int
-    rate_limit: float | None
-
-    def plain(self) -> dict[str, Any]:
-        """The same as numbers and texts, under the names of the environment's arguments."""
-        (mode,) = [name for name, kind in actions.MODES.items() if type(self.actions) is kind]
-        (seen,) = [n for n, kind in observations.TYPES.items() if type(self.observations) is kind]
-        return {
-            "action_mode": mode,
-            "observation": seen,
-            "on_blowup": f"{self.rollbacks} rollbacks in a row",
-            "reward_weights": dict(self.weights),
-            "tolerances": self.tolerances._asdict(),
-            "rate_limit": self.rate_limit,
-        }
-
-
-class Outcome(NamedTuple):
-    """What a step came to; reward: the weighted terms in the order of `rewards.TERMS`."""
+class StepResult(NamedTuple):
+    """Result of a step; reward: the weighted terms in the order of `rewards.TERMS`."""
 
     observation: NDArray[Any]
     reward: list[float]
@@ -81,7 +54,7 @@ class Outcome(NamedTuple):
 class Episode:
     """A scene in motion, judged against its reference.
 
-    n_steps: frames until it is truncated; step: frames that are over; over: whether it has ended.
+    n_steps: frames until it is truncated; step: frames that are over; over: True once it has ended.
     """
 
     def __init__(
@@ -92,24 +65,24 @@ class Episode:
         self.n_steps, self.step, self.over = n_frames(scene), 0, False
         self.reference = reference(scene, instance_id)
         fluid_mass = self.sim.mass * self.sim.n_fluid
-        self._judge = rewards.Judge(self.reference, scene, fluid_mass, rules.tolerances)
+        self._judge = rewards.Judge(self.reference, scene, fluid_mass, rules.limits)
         self.coordinates = actions.encode(scene, self.sim.controls)
-        self._before = self._numbers = look(self.sim)
+        self._before = self._numbers = measure(self.sim)
         self._report = Report(0, self.sim.controls.dt)
-        self._setbacks, self._control_work = 0, 0.0
+        self._rollbacks, self._control_work = 0, 0.0
         self._safe: dict[str, Any] | None = None
         self.info = self._inform(0.0, rewards.Errors(0.0, 0.0, 0.0), [0.0] * len(rewards.TERMS))
 
     # --- a step -----------------------------------------------------------------------------
 
     def check(self, action: Any) -> None:
-        """Raises ValueError for what is no action."""
+        """Raise ValueError unless the action is one."""
         self.rules.actions.act(action, self.coordinates)
 
     def act(self, action: Any) -> None:
-        """Set the controls that an action asks for. Raises ValueError for what is no action."""
+        """Set the controls that an action asks for. Raises ValueError unless it is one."""
         wanted = self.rules.actions.act(action, self.coordinates)
-        # what a blow-up returns to
+        # a blow-up returns to it
         self._safe = self._keep() if self.rules.rollbacks else None
         if self.rules.rate_limit is not None:
             wanted = actions.limit(wanted, self.coordinates, self.rules.rate_limit)
@@ -118,13 +91,13 @@ class Episode:
         self.sim.controls = actions.decode(self.scene, wanted)
         self._control_work = self.sim.control_work - booked
 
-    def conclude(self, report: Report) -> Outcome:
-        """What the step came to, once the simulation has advanced by a frame."""
+    def conclude(self, report: Report) -> StepResult:
+        """Return the result of the step, once the simulation has advanced by a frame."""
         self._report = report
-        self._before, self._numbers = self._numbers, look(self.sim)
+        self._before, self._numbers = self._numbers, measure(self.sim)
         errors = self._judge.errors(self.step + 1, self._numbers)
         work = report.n_substeps / self.reference.cfl_substeps
-        taken_back = report.diverged and self._setbacks < self.rules.rollbacks
+        taken_back = report.diverged and self._rollbacks < self.rules.rollbacks
         if not report.diverged:
             terms = rewards.terms(errors, work)
         else:
@@ -134,17 +107,17 @@ class Episode:
         if taken_back:
             assert self._safe is not None
             self._return_to(self._safe)
-            self._setbacks += 1
-            self.info["rollbacks"] = float(self._setbacks)
+            self._rollbacks += 1
+            self.info["rollbacks"] = float(self._rollbacks)
         else:
-            self.step, self._setbacks = self.step + 1, 0
+            self.step, self._rollbacks = self.step + 1, 0
         terminated = report.diverged and not taken_back
         truncated = self.step >= self.n_steps and not terminated
         self.over = terminated or truncated
-        return Outcome(self.observe(), weighted, terminated, truncated, dict(self.info))
+        return StepResult(self.observe(), weighted, terminated, truncated, dict(self.info))
 
     def observe(self) -> NDArray[Any]:
-        """What an agent sees of the present state."""
+        """Return the observation of the present state."""
         return self.rules.observations.observe(
             Moment(
                 self.sim,
@@ -153,7 +126,7 @@ class Episode:
                 self.coordinates,
                 min(self.step / self.n_steps, 1.0),
                 self._report.n_substeps,
-                self._setbacks / max(self.rules.rollbacks, 1),
+                self._rollbacks / max(self.rules.rollbacks, 1),
             )
         )
 
@@ -182,7 +155,7 @@ class Episode:
         }
 
     def toward(self, controls: Any) -> Any:
-        """The action that brings the controls as close as possible to the given ones."""
+        """Return the action that brings the controls as close as possible to the given ones."""
         return self.rules.actions.toward(actions.encode(self.scene, controls), self.coordinates)
 
     # --- the state --------------------------------------------------------------------------
@@ -202,43 +175,25 @@ class Episode:
         self._before, self._numbers = dict(kept["before"]), dict(kept["numbers"])
 
     def state(self) -> dict[str, Any]:
-        """Everything that changes, as plain arrays, numbers and texts, and the rules.
+        """Return everything that changes, as plain arrays, numbers and texts.
 
         An episode that takes it back goes on bit by bit.
         """
         return self._keep() | {
             "step": self.step,
             "over": self.over,
-            "setbacks": self._setbacks,
+            "rollbacks": self._rollbacks,
             "control_work": self._control_work,
             "report": tuple(self._report),
             "info": dict(self.info),
-            "rules": self.rules.plain(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go back to what `state` gave.
+        """Go back to the `state` of an episode with the same rules and instance.
 
-        Raises ValueError that names what doesn't fit: other rules, another instance, wrong shapes
-        and ranges, parts that contradict each other; and then nothing has changed.
+        Raises ValueError if the solver refuses it, and then nothing has changed.
         """
-        kept = states.check(state, self._bounds())
-        try:
-            self.sim.restore(state["simulation"])
-        except ValueError as error:
-            raise ValueError(f"state: {error}") from None
-        self._judge.past, self.coordinates = kept.past, kept.coordinates
-        self._before, self._numbers = kept.before, kept.numbers
-        self.step, self.over, self._setbacks = kept.step, kept.over, kept.setbacks
-        self._control_work, self._report, self.info = kept.control_work, kept.report, kept.info
-
-    def _bounds(self) -> states.Bounds:
-        return states.Bounds(
-            self.rules.plain(),
-            self.instance_id,
-            self.n_steps,
-            self.rules.rollbacks,
-            self.scene.frame,
-            tuple(self._numbers),
-            {name: unit == "text" for name, (unit, _) in INFO.items()},
-        )
+        self._return_to(state)
+        self.step, self.over, self._rollbacks = state["step"], state["over"], state["rollbacks"]
+        self._control_work, self._report = state["control_work"], Report(*state["report"])
+        self.info = dict(state["info"])

@@ -1,16 +1,16 @@
-"""What exactly an episode shows: all that is needed to make the same flow again."""
+"""Identity of the flow of an episode: all that is needed to make the same flow again."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from sph_gym.env import instances, manifest
-from sph_gym.env.draws import FAMILIES, SPLITS
-from sph_gym.env.reference import fingerprint
+from sph_gym.env.distributions import FAMILIES, SPLITS
+from sph_gym.env.fingerprint import fingerprint
 from sph_gym.solver.scene import Scene
 
 
 class Identity(NamedTuple):
-    """A flow and where it comes from; plain values, to be kept with data that was made from it.
+    """A flow and its origin; plain values, to be kept with data that was made from it.
 
     - `id`: as in info
     - `scene`: of the environment
@@ -40,7 +40,7 @@ class Identity(NamedTuple):
 
 
 def identify(instance_id: str, scene: Scene) -> Identity:
-    """The identity of what an environment shows under an id.
+    """Return the identity of the flow that an environment shows under an id.
 
     A Scene of one's own has an id that `instances.parse` doesn't know, and no instances.
     """

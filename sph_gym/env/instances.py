@@ -1,8 +1,8 @@
-"""Instances: which flow an episode shows. Finite numbered sets, listed in manifests.
+"""Instances: the flows that episodes show, in finite numbered sets that manifests list.
 
-An id such as "dam_break/train/17" names scene, split and number; manifests say what it means. At
-another spacing than the usual one it is "dam_break/train/17/dx=0.05", and the number alone decides
-the draw.
+An id such as "dam_break/train/17" names environment, set and number; manifests say what it means.
+At another spacing than the usual one it is "dam_break/train/17/dx=0.05", and the number alone
+decides the draw.
 """
 
 import re
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from sph_gym import scenes
 from sph_gym.env import manifest
-from sph_gym.env.draws import FAMILIES, SHIFTS, Drawn, draw
+from sph_gym.env.distributions import FAMILIES, SHIFTS, Drawn, draw
 from sph_gym.solver.checks import known, positive
 from sph_gym.solver.scene import Scene
 
@@ -32,23 +32,15 @@ ODD = {
     "scene": "another scene, a dam break onto a wet bed with an obstacle",
 }
 
-# How many frames of the scene make a step of the environment: in a step of a few substeps there
-# is little to tune.
-FRAMES_PER_STEP = {"dam_break": 1.5, "drop_impact": 1.5}
-
 BENCHMARK = "cheap tricks lose to the tuned CFL rule: `python -m sph_gym study exploits`"
-# Scenes that are no game, and why; all others are benchmarks.
-DIAGNOSTIC = {
-    "hydrostatic_tank": "the water is at rest: the softest fluid and the longest step win",
-    "relaxation": "the blob is at rest: the energy of its jitter depends on the stiffness",
-}
-
+# Environments that are no benchmarks, and why.
+DIAGNOSTIC = {name: family.diagnostic for name, family in FAMILIES.items() if family.diagnostic}
 
 # One flow, one spelling: int() would take "007" and the digits of all scripts.
 NUMBER = re.compile("0|[1-9][0-9]{0,8}")
-# What stands before the spacing in an id.
+# Prefix of the spacing in an id.
 SPACING = "dx="
-# What stands for the split in the id of a user's own scene.
+# Name of the set in the id of a user's own scene.
 CUSTOM = "custom"
 
 
@@ -60,50 +52,46 @@ class Instance(NamedTuple):
 
     @property
     def scene(self) -> str:
-        """Name of the environment's scene."""
+        """Name of the environment."""
         return self.id.split("/")[0]
 
     @property
     def split(self) -> str:
-        """Which of SIZES it belongs to."""
+        """Name of its set, one of SIZES."""
         return self.id.split("/")[1]
 
     @property
     def number(self) -> int:
-        """Which one of its split it is."""
+        """Number within its set."""
         return int(self.id.split("/")[2])
 
     @property
     def arguments(self) -> Mapping[str, Any]:
-        """Of the scene that shows it."""
+        """Arguments of the scene that shows it."""
         return self.drawn.arguments
 
     def build(self) -> Scene:
-        """The scene itself, its frame one step of the environment."""
+        """Return the scene itself, its frame one step of the environment."""
         builder, arguments, viscosity = self.drawn
         built = scenes.make(builder, **arguments)
         effects = built.effects
         if viscosity is not None:
             effects = replace(effects, laminar_viscosity=viscosity * built.h * built.fluid.c0)
-        frame = FRAMES_PER_STEP.get(builder, 1.0) * built.frame
-        return replace(built, effects=effects, frame=frame)
+        family = scenes.family(builder)
+        frames = 1.0 if family is None else family.frames_per_step
+        return replace(built, effects=effects, frame=frames * built.frame)
 
 
 def label(scene: str) -> str:
-    """Whether a scene is "benchmark" or "diagnostic"."""
-    return "diagnostic" if scene in DIAGNOSTIC else "benchmark"
-
-
-def why(scene: str) -> str:
-    """Why a scene has its label."""
-    return DIAGNOSTIC.get(scene, BENCHMARK)
+    """Return "benchmark" or "diagnostic"."""
+    return FAMILIES[scene].kind
 
 
 def instance(scene: str, split: str, number: int, dx: float | None = None) -> Instance:
-    """Instance `number` of a split: "nominal" is the scene as it is, the others are drawn.
+    """Return instance `number` of a set: "nominal" is the scene as it is, the others are drawn.
 
     dx: particle spacing [m], by default the coarse one of the environments.
-    Raises ValueError for names that don't exist and numbers outside the split.
+    Raises ValueError for names that don't exist and numbers outside the set.
     """
     known("scene", scene, FAMILIES)
     size = SIZES[known("instances", split, SIZES)]
@@ -119,7 +107,7 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
 
 
 def shift(id_: str) -> str:
-    """What is out of distribution in an instance of "ood", one of ODD; else empty.
+    """Return what is out of distribution in an instance of "ood", one of ODD; else empty.
 
     Raises ValueError if there is no such instance.
     """
@@ -128,7 +116,7 @@ def shift(id_: str) -> str:
 
 
 def parse(id_: str) -> Instance:
-    """The instance of an id. Raises ValueError if there is none."""
+    """Return the instance of an id. Raises ValueError if there is none."""
     scene, split, number, spacing, *more = [*str(id_).split("/"), "", "", ""]
     if not NUMBER.fullmatch(number) or any(more) or not (spacing or SPACING).startswith(SPACING):
         raise _no_id(id_)

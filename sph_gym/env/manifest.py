@@ -1,9 +1,9 @@
-"""Manifests: what the ids of instances mean, and their references, as data that is shipped.
+"""Manifests: the meaning of the ids of instances, and their references, as data that is shipped.
 
-Of every scene there are NAME.json, with what makes each flow and the fingerprint of the scene that
-it made, and NAME.npz, with all references one after the other. `python -m sph_gym manifest` writes
-them. On top of NAME.json stand the version of the ids, digests of flows and references, so that
-none changes unseen, and a hash of the sources that computed the references.
+Every environment has NAME.json, with what makes each flow and the fingerprint of the scene that it
+made, and NAME.npz, with all references one after the other. `python -m sph_gym manifest` writes
+them. On top of NAME.json are the version of the ids, digests of flows and references, so that none
+changes unseen, and a hash of the sources that computed the references.
 """
 
 import hashlib
@@ -16,14 +16,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.env.draws import Drawn
+from sph_gym.env.distributions import Drawn
+from sph_gym.files import atomic_write
 
 FOLDER = Path(__file__).parent / "manifests"
-# Of the meaning of the ids; a change of any flow or reference is a new one. Manifests of another
-# version are not read, and none of this version is written with other flows unless that is asked
-# for.
+# Version of the meaning of the ids: a change of any flow or reference needs a new one. Manifests
+# of another version are not read.
 VERSION = "v0"
 DIGESTS = ("flows", "references")
+# Columns that have no row for every frame.
+_PER_FLOW = ("offsets", "cfl_substeps")
 
 
 class Entry(NamedTuple):
@@ -32,9 +34,15 @@ class Entry(NamedTuple):
     drawn: Drawn
     fingerprint: str
 
+    def row(self) -> dict[str, Any]:
+        """Return the flow as JSON data."""
+        builder, arguments, viscosity = self.drawn
+        row = {"scene": builder, "arguments": arguments, "hash": self.fingerprint}
+        return row if viscosity is None else row | {"viscosity": viscosity}
+
 
 class Manifest(NamedTuple):
-    """The flows of a scene by their ids, in the order of the references.
+    """The flows of an environment by their ids, in the order of the references.
 
     version: of the ids; digests: of flows and references when they were written, empty if they
     weren't stamped; sources: hash of the sources that computed the references, empty if unknown.
@@ -47,36 +55,33 @@ class Manifest(NamedTuple):
     sources: str
 
     def arrays(self, id_: str) -> dict[str, NDArray[Any]]:
-        """The reference of an instance: arrays by name, a row for every frame."""
+        """Return the reference of an instance: arrays by name, a row for every frame."""
         columns = _columns(self.path)
         k = list(self.entries).index(id_)
-        begin, end = columns["offsets"][k : k + 2]
-        rows = {name: column[begin:end] for name, column in columns.items() if name not in _WHOLE}
+        frames = slice(*columns["offsets"][k : k + 2])
+        rows = {name: column[frames] for name, column in columns.items() if name not in _PER_FLOW}
         return rows | {"cfl_substeps": columns["cfl_substeps"][k]}
 
 
-_WHOLE = ("offsets", "cfl_substeps")
-
-
 def entry(id_: str) -> Entry | None:
-    """What the manifests say about an id; None if they don't."""
+    """Return the flow that the manifests list under an id, None if there is none."""
     found = load(id_.split("/")[0])
     return None if found is None else found.entries.get(id_)
 
 
 @cache
-def load(scene: str, folder: Path = FOLDER) -> Manifest | None:
-    """The manifest of a scene; None if it has none.
+def load(name: str, folder: Path = FOLDER) -> Manifest | None:
+    """Return the manifest of an environment, None if it has none.
 
     Raises OSError if it can't be read or is of another version.
     """
-    path = folder / f"{scene}.json"
+    path = folder / f"{name}.json"
     if not path.is_file():
         return None
     try:
         data = json.loads(path.read_text())
         version, rows = data["version"], data["instances"]
-        digests = {name: data[name] for name in DIGESTS if name in data}
+        digests = {kind: data[kind] for kind in DIGESTS if kind in data}
         entries = {
             id_: Entry(Drawn(row["scene"], row["arguments"], row.get("viscosity")), row["hash"])
             for id_, row in rows.items()
@@ -109,35 +114,32 @@ def _damaged(path: Path, error: Exception) -> OSError:
 
 
 def write(
-    scene: str,
+    name: str,
     rows: Iterable[tuple[str, Entry, dict[str, Any]]],
     folder: Path = FOLDER,
     sources: str = "",
 ) -> None:
-    """Write the manifest of a scene: id, flow and reference of every instance.
+    """Write the manifest of an environment: id, flow and reference of every instance.
 
     sources: hash of the sources that computed the references.
     """
-    flows, references = dict[str, Entry](), []
-    for id_, flow, arrays in rows:
-        flows[id_] = flow
-        references.append(arrays)
-    lengths = [len(arrays["kinetic"]) for arrays in references]
+    ids, flows, references = zip(*rows, strict=True)
     columns: dict[str, Any] = {
-        name: np.concatenate([arrays[name] for arrays in references]).astype(np.float32)
-        for name in references[0]
-        if name not in _WHOLE
+        kind: np.concatenate([arrays[kind] for arrays in references]).astype(np.float32)
+        for kind in references[0]
+        if kind not in _PER_FLOW
     }
-    columns["offsets"] = np.cumsum([0, *lengths])
+    columns["offsets"] = np.cumsum([0, *(len(arrays["kinetic"]) for arrays in references)])
     columns["cfl_substeps"] = np.array([arrays["cfl_substeps"] for arrays in references])
-    folder.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(folder / f"{scene}.npz", **columns)
-    _write_flows(folder / f"{scene}.json", flows, digests(flows, columns), sources)
+    with atomic_write(folder / f"{name}.npz") as draft:
+        np.savez_compressed(draft, **columns)
+    entries = dict(zip(ids, flows, strict=True))
+    _write_flows(folder / f"{name}.json", entries, _digests(entries, columns), sources)
 
 
-def stamp(scene: str, folder: Path = FOLDER) -> Path | None:
-    """Write the digests of a manifest anew, and nothing else; None if the scene has none."""
-    found = load(scene, folder)
+def stamp(name: str, folder: Path = FOLDER) -> Path | None:
+    """Write the digests of a manifest anew, and nothing else; None if there is no manifest."""
+    found = load(name, folder)
     if found is None:
         return None
     _write_flows(found.path, found.entries, current(found), found.sources)
@@ -145,13 +147,13 @@ def stamp(scene: str, folder: Path = FOLDER) -> Path | None:
 
 
 def current(found: Manifest) -> dict[str, str]:
-    """The digests that a manifest ought to have."""
-    return digests(found.entries, _columns(found.path))
+    """Return the digests that a manifest ought to have."""
+    return _digests(found.entries, _columns(found.path))
 
 
-def digests(flows: Mapping[str, Entry], columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:
-    """Hashes of what the ids of this version mean, and of their references."""
-    meaning = json.dumps({id_: _row(flow) for id_, flow in flows.items()}, sort_keys=True)
+def _digests(flows: Mapping[str, Entry], columns: Mapping[str, NDArray[Any]]) -> dict[str, str]:
+    """Return hashes of the meaning of the ids of this version, and of their references."""
+    meaning = json.dumps({id_: flow.row() for id_, flow in flows.items()}, sort_keys=True)
     numbers = hashlib.sha256(VERSION.encode())
     for name in sorted(columns):
         column = np.ascontiguousarray(columns[name])
@@ -160,20 +162,15 @@ def digests(flows: Mapping[str, Entry], columns: Mapping[str, NDArray[Any]]) -> 
     return {name: each.hexdigest()[:16] for name, each in zip(DIGESTS, found, strict=True)}
 
 
-def _row(flow: Entry) -> dict[str, Any]:
-    builder, arguments, viscosity = flow.drawn
-    row = {"scene": builder, "arguments": arguments, "hash": flow.fingerprint}
-    return row if viscosity is None else row | {"viscosity": viscosity}
-
-
 def _write_flows(
-    path: Path, flows: Mapping[str, Entry], found: dict[str, str], sources: str
+    path: Path, flows: Mapping[str, Entry], digests: dict[str, str], sources: str
 ) -> None:
-    header = {"version": VERSION, **found, **({"sources": sources} if sources else {})}
+    header = {"version": VERSION, **digests, **({"sources": sources} if sources else {})}
     # one flow a line, so that a change can be seen
     lines = ",\n".join(
-        f"{json.dumps(id_)}: {json.dumps(_row(flow))}" for id_, flow in flows.items()
+        f"{json.dumps(id_)}: {json.dumps(flow.row())}" for id_, flow in flows.items()
     )
-    path.write_text(f'{json.dumps(header)[:-1]}, "instances": {{\n{lines}\n}}}}\n')
+    with atomic_write(path) as draft:
+        draft.write_text(f'{json.dumps(header)[:-1]}, "instances": {{\n{lines}\n}}}}\n')
     load.cache_clear()
     _columns.cache_clear()

@@ -1,4 +1,4 @@
-"""What an agent sees: dimensionless numbers or a small picture, none of it from the reference."""
+"""Observations: dimensionless numbers or a small picture, none of it from the reference."""
 
 import math
 from typing import Any, NamedTuple
@@ -14,11 +14,11 @@ from sph_gym.solver.stepping import COURANT, FORCE
 
 
 class Moment(NamedTuple):
-    """What there is to see.
+    """All that an observation may depend on.
 
-    now, before: `look` after and before the step; coordinates: of the present controls; progress:
-    share of the episode that is over; n_substeps: of the last step; setbacks: blow-ups that were
-    taken back in a row, as a share of how many may be.
+    now, before: `measure` after and before the step; coordinates: of the present controls;
+    progress: share of the episode that is over; n_substeps: of the last step; rollbacks: blow-ups
+    that were taken back in a row, as a share of how many may be.
     """
 
     sim: Simulation
@@ -27,7 +27,7 @@ class Moment(NamedTuple):
     coordinates: Coordinates
     progress: float
     n_substeps: int
-    setbacks: float
+    rollbacks: float
 
 
 class Feature(NamedTuple):
@@ -40,7 +40,7 @@ class Feature(NamedTuple):
 
 
 def _squash(x: float) -> float:
-    """[0, inf) -> [0, 1); 1 where x isn't finite."""
+    """Map [0, inf) to [0, 1), and what isn't finite to 1."""
     return x / (1 + x) if math.isfinite(x) else 1.0
 
 
@@ -66,13 +66,13 @@ FEATURES = (
     Feature("surface", 0, 1, "share of particles below 0.9 rho0"),
     Feature("free_fall", 0, 1, "share of particles with |a - g| < 0.1 g (0 without gravity)"),
 )
-SETBACKS = Feature(
-    "setbacks", 0, 1, "blow-ups that were just taken back in a row / how many may be"
+ROLLED_BACK = Feature(
+    "rollbacks", 0, 1, "blow-ups that were just taken back in a row / how many may be"
 )
 
 
 def _entries(moment: Moment) -> list[float]:
-    """The values of FEATURES, in their order: in one go, since every step asks for them."""
+    """Return the values of FEATURES, in their order: in one go, since every step needs them."""
     sim, now, before = moment.sim, moment.now, moment.before
     scene = sim.scene
     speed, size = scene.fluid.c0 / 10, math.sqrt(sim.n_fluid) * scene.dx
@@ -99,8 +99,8 @@ def _entries(moment: Moment) -> list[float]:
     ]
 
 
-def look(sim: Simulation) -> dict[str, float]:
-    """The diagnostics and what observations need besides."""
+def measure(sim: Simulation) -> dict[str, float]:
+    """Return the diagnostics, and what observations need besides."""
     numbers = sim.diagnostics()
     mass = sim.mass * sim.n_fluid
     numbers["speed2"] = 2 * numbers["kinetic_energy"] / mass
@@ -112,7 +112,7 @@ class Features:
     """A bounded float32 vector with one entry per row of FEATURES; s(x) = x / (1 + x).
 
     U is the scene's velocity scale c0 / 10, its size the square root of the fluid's area.
-    rollback: one entry more, `SETBACKS`.
+    rollback: one entry more, `ROLLED_BACK`.
     """
 
     def __init__(self, rollback: bool = False) -> None:
@@ -122,18 +122,18 @@ class Features:
 
     @property
     def rows(self) -> tuple[Feature, ...]:
-        """What the entries are."""
-        return (*FEATURES, SETBACKS) if self._rollback else FEATURES
+        """Bounds and meanings of the entries."""
+        return (*FEATURES, ROLLED_BACK) if self._rollback else FEATURES
 
     def space(self) -> spaces.Box:
-        """Box((20,), float32), or (21,)."""
+        """Return Box((20,), float32), or (21,)."""
         return spaces.Box(self._low, self._high, dtype=np.float32)
 
     def observe(self, moment: Moment) -> NDArray[Any]:
-        """The vector for the present state."""
+        """Return the vector for the present state."""
         numbers = _entries(moment)
         if self._rollback:
-            numbers.append(moment.setbacks)
+            numbers.append(moment.rollbacks)
         values = np.array(numbers, np.float32)
         np.maximum(values, self._low, out=values)
         return np.minimum(values, self._high, out=values)
@@ -172,11 +172,11 @@ class Field:
         self._rollback = rollback
 
     def space(self) -> spaces.Box:
-        """Box(0, 255, (36, 36, 4), uint8)."""
+        """Return Box(0, 255, (36, 36, 4), uint8)."""
         return spaces.Box(0, 255, (self.SIZE, self.SIZE, 4), np.uint8)
 
     def observe(self, moment: Moment) -> NDArray[Any]:
-        """The picture of the present state."""
+        """Return the picture of the present state."""
         sim, size = moment.sim, self.SIZE
         scene, fluid, n = sim.scene, sim.engine.fluid, sim.n_fluid
         low, extent = _frame(scene)
@@ -195,12 +195,12 @@ class Field:
         for band, share in enumerate(shares):
             picture[band * size // 4 : (band + 1) * size // 4, :, 3] = 255 * share
         if self._rollback:
-            picture[: size // 4, size // 2 :, 3] = 255 * moment.setbacks
+            picture[: size // 4, size // 2 :, 3] = 255 * moment.rollbacks
         return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 
 def _frame(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower left corner and size [m] of what a picture of the scene spans."""
+    """Return the lower left corner and the size [m] of the pictures of a scene."""
     places = [np.asarray(scene.x)]
     if scene.walls is not None and scene.walls.particles is not None:
         places.append(np.asarray(scene.walls.particles))

@@ -18,11 +18,11 @@ State = dict[str, Any]
 
 
 class Search(NamedTuple):
-    """How thorough it is.
+    """Thoroughness of the search.
 
     width: branches that go on; hold: steps for which a setting is tried; courant, sound: pairs
-    that are tried besides those around the present one, as multiples dt c / h and multiples of
-    c0; xsph: epsilons that are tried; near: how far around the present one, in coordinates.
+    that are tried besides those around the present one, as multiples dt c / h and multiples of c0;
+    xsph: epsilons that are tried; near: distance of those around the present one, in coordinates.
     """
 
     width: int = 8
@@ -38,7 +38,7 @@ COARSE = Search(width=2, hold=4, courant=(0.9,), xsph=(0.1, 0.3))
 
 
 class Step(NamedTuple):
-    """A step of an episode: its reward, largest error in multiples of its tolerance, and cost."""
+    """A step of an episode: reward, largest error in multiples of its tolerance, substeps, end."""
 
     reward: float
     error: float
@@ -48,7 +48,7 @@ class Step(NamedTuple):
 
 
 def play(episode: Episode, action: Any) -> Step:
-    """A step of an episode whose environment isn't looked at."""
+    """Play a step of an episode outside of its environment."""
     episode.act(action)
     outcome = episode.conclude(episode.sim.advance(episode.scene.frame))
     info = outcome.info
@@ -73,7 +73,7 @@ class Oracle:
         self._where: tuple[str, int] | None = None
 
     def __call__(self, env: Any, observation: Any = None) -> Any:
-        """The next action; a new plan where the old one is over or the episode another one."""
+        """Return the next action; plan anew where the plan is over or the episode another one."""
         episode: Episode = env.unwrapped.episode
         if not self._plan or self._where != (episode.instance_id, episode.step):
             self._plan = self.plan(episode)
@@ -81,7 +81,7 @@ class Oracle:
         return self._plan.pop(0)
 
     def plan(self, episode: Episode) -> list[Any]:
-        """Return the actions of the best branch to the end of the episode."""
+        """Return the actions of the best branch."""
         search, start = self.search, episode.state()
         depth = -(-(episode.n_steps - episode.step) // search.hold)
         branch = beam_search(
@@ -103,7 +103,7 @@ class Oracle:
         return played[: episode.n_steps - start["step"]]
 
     def _settings(self, state: State) -> list[Point]:
-        """Coordinates to try: as it is, a little to every side, and settings anywhere."""
+        """Return coordinates to try: the present ones, their neighbours, and settings anywhere."""
         search, here = self.search, state["coordinates"]
         tried = [here]
         for axis, way in itertools.product((0, 1, 2), (-search.near, search.near)):

@@ -1,34 +1,35 @@
-"""What a run is held against: a fine run of the same instance, its twins, and the tuned CFL rule.
+"""References: a fine run of the same instance, its twins, and the work of the tuned CFL rule.
 
 The references of the instances are shipped with their manifests. All others are kept on disk
-under a hash of all that they depend on: the particles, the fluid, the effects, the sources of the
-solver, of the rule, of the actions and of what viscosity asks for, and this file.
+under a hash of everything that they depend on: the scene, and the sources of the solver, of the
+rule, of the actions and of this file.
 """
 
-import hashlib
 import itertools
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.controllers import rules
+from sph_gym import provenance
 from sph_gym.controllers.rules import TunedCfl, from_numbers
 from sph_gym.env import actions, manifest, viscous
+from sph_gym.env.fingerprint import digest, fingerprint
 from sph_gym.files import atomic_write
-from sph_gym.solver.jit import cache_home, source_hash
+from sph_gym.solver import jit
+from sph_gym.solver.jit import cache_home
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 
-# The reference: nominal stiffness, and a step far below the limit of about 0.9 h/c.
+# The fine run: nominal stiffness, and a step far below the limit of about 0.9 h/c.
 COURANT = 0.25
-# Its twins differ in what shouldn't matter: a softer fluid, and particles off by 1 % of dx.
+# Its twins differ in ways that shouldn't matter: a softer fluid, and particles off by 1 % of dx.
 TWIN_SOUND = 0.7
 TWIN_JITTER = 0.01
 # Frames over which the drift away from the reference is taken; an error over the whole past would
@@ -39,14 +40,14 @@ Floats = NDArray[np.float64]
 
 
 class Observables(NamedTuple):
-    """A run in a few numbers, at the end of every frame and at the start (n_frames + 1).
+    """A run in a few numbers, at the start and at the end of every frame (n = n_frames + 1).
 
     com, extent: (n, 2) centre of mass and standard deviations of x and y [m]; kinetic, potential:
     (n,) energies [J/m]; front: (n,) largest x [m]; clumping: (n,) share of particles closer than
     0.6 dx to another one.
 
-    Nothing judges potential and front: the height of the centre of mass says what the one would,
-    and the other is where a single particle is. They are there to be drawn and compared with.
+    Potential and front are there to be drawn, and don't count: the height of the centre of mass
+    says the same as the one, and the other is the place of a single particle.
     """
 
     com: Floats
@@ -57,8 +58,8 @@ class Observables(NamedTuple):
     clumping: Floats
 
 
-class Reference(NamedTuple):
-    """The fine run, what its twins differ by, and the tuned CFL rule's mean substeps a frame.
+class ReferenceRun(NamedTuple):
+    """The fine run, the spread of its twins, and the tuned CFL rule's mean substeps a frame.
 
     spread: (n, 4) largest difference of a twin: drifts within WINDOW frames of the centre of
     mass [m], the extent [m] and the kinetic energy [J/m], and the share of clumped particles.
@@ -70,18 +71,18 @@ class Reference(NamedTuple):
 
 
 MOST_KEPT = 512
-_KEPT: dict[str, Reference] = {}
+_KEPT: dict[str, ReferenceRun] = {}
 # Environments of a vector begin side by side.
 _KEEPING = threading.Lock()
 
 
 def n_frames(scene: Scene) -> int:
-    """Steps of an episode: whole frames in the scene's duration, at least one."""
+    """Return the steps of an episode: whole frames in the scene's duration, at least one."""
     return max(round(scene.duration / scene.frame), 1)
 
 
-def reference(scene: Scene, instance_id: str | None = None) -> Reference:
-    """The reference of a scene: shipped, from memory, from disk, or computed (about a second).
+def reference(scene: Scene, instance_id: str | None = None) -> ReferenceRun:
+    """Return the reference of a scene: shipped, from memory, from disk, or computed (a second).
 
     instance_id: under which a manifest may have it. Raises RuntimeError if the scene isn't stable
     at its own nominal stiffness.
@@ -106,8 +107,8 @@ def reference(scene: Scene, instance_id: str | None = None) -> Reference:
     return stored
 
 
-def _shipped(scene: Scene, instance_id: str) -> Reference | None:
-    """What a manifest has for exactly this scene: dx may be another one, or a builder changed."""
+def _shipped(scene: Scene, instance_id: str) -> ReferenceRun | None:
+    """Return a manifest's reference of exactly this scene, None for another dx or builder."""
     flows = manifest.load(instance_id.split("/")[0])
     if flows is None or instance_id not in flows.entries:
         return None
@@ -116,67 +117,23 @@ def _shipped(scene: Scene, instance_id: str) -> Reference | None:
     return _from_arrays(flows.arrays(instance_id))
 
 
-def fingerprint(scene: Scene) -> str:
-    """A hash of what a scene shows, whatever its name, and whatever the machine rounds."""
-    digest = hashlib.sha256()
-    _add_to(digest, replace(scene, name="scene"), digits=9)
-    return digest.hexdigest()[:16]
-
-
-# What references depend on besides the solver.
-_OWN_SOURCES = (__file__, rules.__file__, actions.__file__, viscous.__file__)
-
-
 def sources() -> str:
-    """A hash of the sources that references depend on, whatever the machine and the compiler; of
-    harmless edits too: it tells what computed a reference, not whether that is still right.
+    """Return a hash of the sources that references depend on, on any machine.
+
+    Harmless edits change it too: it tells what computed a reference, not that it is still right.
     """
-    solver = sorted((Path(rules.__file__).parents[1] / "solver").glob("*.py"))
-    digest = hashlib.sha256()
-    for path in (*solver, *map(Path, _OWN_SOURCES)):
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
+    return provenance.source_hash(
+        "solver", "controllers/rules.py", "env/reference.py", "env/actions.py", "env/viscous.py"
+    )
 
 
 def _key(scene: Scene) -> str:
-    digest = hashlib.sha256(source_hash().encode())
-    for source in _OWN_SOURCES:
-        digest.update(Path(source).read_bytes())
-    # a name is no part of the physics
-    _add_to(digest, replace(scene, name="scene"))
-    return digest.hexdigest()[:32]
+    # a name is no part of the physics; the solver's own hash tells the compiler and the machine
+    flow = digest(replace(scene, name="scene"))
+    return provenance.content_hash(sources(), jit.source_hash(), flow)
 
 
-def _add_to(digest: Any, value: Any, digits: int | None = None) -> None:
-    """Everything in nested dataclasses, tuples and arrays, whose repr may leave numbers out.
-
-    digits: how many of a number count, None for all. What is absent isn't part of it, so that a
-    new effect changes no hash of a scene without it.
-    """
-    digest.update(type(value).__name__.encode())
-    if is_dataclass(value):
-        for field in fields(value):
-            part = getattr(value, field.name)
-            if part is not None and part is not False:
-                digest.update(field.name.encode())
-                _add_to(digest, part, digits)
-    elif isinstance(value, (tuple, list)):
-        for part in value:
-            _add_to(digest, part, digits)
-    elif isinstance(value, np.ndarray):
-        if digits is not None:
-            scale = float(np.abs(value).max(initial=0.0)) or 1.0
-            _add_to(digest, scale, digits)
-            # no negative zeros
-            value = np.round(value / scale, digits) + 0.0
-        digest.update(repr((value.dtype, value.shape)).encode() + value.tobytes())
-    elif isinstance(value, float) and digits is not None:
-        digest.update(f"{value:.{digits}g}".encode())
-    else:
-        digest.update(repr(value).encode())
-
-
-def _compute(scene: Scene) -> Reference:
+def _compute(scene: Scene) -> ReferenceRun:
     rng = np.random.default_rng(0)
     x = np.asarray(scene.x)
     jittered = replace(scene, x=x + rng.normal(0.0, TWIN_JITTER * scene.dx, x.shape))
@@ -186,11 +143,11 @@ def _compute(scene: Scene) -> Reference:
         twins = [pool.submit(_run, scene, TWIN_SOUND), pool.submit(_run, jittered, 1.0)]
         cfl = pool.submit(_cfl_substeps, scene)
         runs = [run.result() for run in (fine, *twins)]
-        return Reference(runs[0], spread(runs[0], runs[1:]), cfl.result())
+        return ReferenceRun(runs[0], spread(runs[0], runs[1:]), cfl.result())
 
 
 def spread(fine: Observables, twins: Sequence[Observables]) -> Floats:
-    """(n, 4) how far equally good runs are from the fine one; see `Reference`."""
+    """Return (n, 4) how far equally good runs are from the fine one; see `ReferenceRun`."""
     largest = np.zeros((len(fine.kinetic), 4))
     for twin in twins:
         gaps = (
@@ -204,7 +161,7 @@ def spread(fine: Observables, twins: Sequence[Observables]) -> Floats:
 
 
 def _drift(error: Floats) -> Floats:
-    """error(t) - error(t - WINDOW), with error(0) before the start."""
+    """Return error(t) - error(t - WINDOW), with error(0) before the start."""
     then = np.maximum(np.arange(len(error)) - WINDOW, 0)
     return error - error[then]
 
@@ -215,12 +172,12 @@ def _run(scene: Scene, sound: float) -> Observables:
         sim = Simulation(scene)
         xsph = sim.nominal_controls.xsph
         sim.controls = from_numbers(sim, courant, sound * scene.fluid.c0, xsph)
-        rows = [_look(sim)]
+        rows = [_measure(sim)]
         for _ in range(n_frames(scene)):
             report = sim.advance(scene.frame)
             if report.diverged:
                 break
-            rows.append(_look(sim))
+            rows.append(_measure(sim))
         else:
             table = np.array(rows)
             return Observables(table[:, :2], table[:, 2:4], *table[:, 4:].T)
@@ -236,14 +193,15 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def _look(sim: Simulation) -> list[float]:
+def _measure(sim: Simulation) -> list[float]:
     numbers = sim.diagnostics()
     return [numbers[name] for name in COLUMNS]
 
 
 def _cfl_substeps(scene: Scene) -> float:
-    """Mean substeps a frame of the tuned rule; if it should blow up, of one with a smaller Courant
-    multiple, and if none will do, of one that is as stiff as friction asks for.
+    """Return the mean substeps a frame of the tuned rule, or of a more careful one if it blows up.
+
+    First with smaller Courant multiples, then as stiff as friction asks for.
     """
     for stiffer, courant in itertools.product((False, True), (TunedCfl().courant, 0.6, 0.4, 0.25)):
         rule = TunedCfl(courant=courant)
@@ -264,19 +222,19 @@ def _cfl_substeps(scene: Scene) -> float:
     raise RuntimeError(f"{scene.name}: the CFL rule blew up even at a Courant multiple of 0.25")
 
 
-def as_arrays(stored: Reference) -> dict[str, Any]:
-    """A reference as arrays by name."""
+def as_arrays(stored: ReferenceRun) -> dict[str, Any]:
+    """Return a reference as arrays by name."""
     fine, widths, substeps = stored
     return {**fine._asdict(), "spread": widths, "cfl_substeps": substeps}
 
 
-def _from_arrays(arrays: Mapping[str, Any]) -> Reference:
+def _from_arrays(arrays: Mapping[str, Any]) -> ReferenceRun:
     fine = Observables(*(arrays[name] for name in Observables._fields))
-    return Reference(fine, arrays["spread"], float(arrays["cfl_substeps"]))
+    return ReferenceRun(fine, arrays["spread"], float(arrays["cfl_substeps"]))
 
 
-def _read(path: Path) -> Reference | None:
-    """A stored reference; None if there is none or it can't be read, for it can be recomputed."""
+def _read(path: Path) -> ReferenceRun | None:
+    """Return a stored reference, None if there is none that can be read: it is recomputed then."""
     try:
         # opened here, since np.load leaves a torn file open
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
@@ -288,8 +246,7 @@ def _read(path: Path) -> Reference | None:
         return None
 
 
-def _write(path: Path, stored: Reference) -> None:
-    """Store in one go, so that two processes may do it at once."""
+def _write(path: Path, stored: ReferenceRun) -> None:
     try:
         with atomic_write(path) as draft:
             np.savez_compressed(draft, **as_arrays(stored))

@@ -2,21 +2,21 @@
 
 import gymnasium as gym
 
-from sph_gym.env.draws import FAMILIES
+from sph_gym.env.distributions import FAMILIES
 
 SCENES = tuple(FAMILIES)
 VERSION = "v0"
-# What became of the environments, the newest first.
+# Changes of the environments, the newest first.
 HISTORY = {"v0": "first version"}
 
 
 def env_id(scene: str) -> str:
-    """The id of a scene's environment: "dam_break" -> "sph_gym/DamBreak-v0"."""
+    """Return the id of an environment: "dam_break" -> "sph_gym/DamBreak-v0"."""
     return f"sph_gym/{scene.title().replace('_', '')}-{VERSION}"
 
 
 def scene_of(id_: str) -> str:
-    """The scene of an id. Raises ValueError that lists the known ids."""
+    """Return the name of the environment of an id. Raises ValueError that lists the known ids."""
     known = {env_id(scene): scene for scene in SCENES}
     if id_ not in known:
         raise ValueError(f"id: expected one of {', '.join(known)}, got {id_!r}")

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.env.reference import WINDOW, Reference
+from sph_gym.env.reference import WINDOW, ReferenceRun
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.scene import Scene
 
@@ -37,7 +37,7 @@ HEAVIEST = 1e6
 
 
 class Tolerances(NamedTuple):
-    """What counts as an error of 1.
+    """Errors that count as 1.
 
     - `compression`: mean of max(rho/rho0 - 1, 0)
     - `compression_p99`: 99th percentile of the same
@@ -73,10 +73,10 @@ Place = tuple[float, float, float, float, float]
 
 
 class Judge:
-    """Follows one episode and measures it against its reference."""
+    """Errors of one episode against its reference."""
 
     def __init__(
-        self, reference: Reference, scene: Scene, fluid_mass: float, tolerances: Tolerances
+        self, reference: ReferenceRun, scene: Scene, fluid_mass: float, tolerances: Tolerances
     ) -> None:
         fine, self._tolerances, t = reference.fine, tolerances, tolerances
         columns = (*fine.com.T, *fine.extent.T, fine.kinetic)
@@ -92,7 +92,7 @@ class Judge:
         self.past: list[Place] = [(0.0, 0.0, 0.0, 0.0, 0.0)]
 
     def errors(self, frame: int, numbers: Mapping[str, float]) -> Errors:
-        """The errors at the end of step `frame` (from 1); to be called once a step, in order."""
+        """Return the errors at the end of step `frame` (from 1); to be called once a step."""
         t, fine = self._tolerances, self._fine[frame]
         now = (
             numbers["com_x"] - fine[0], numbers["com_y"] - fine[1],
@@ -118,8 +118,9 @@ class Judge:
 
 
 def check_weights(weights: Mapping[str, float] | None) -> dict[str, float]:
-    """One weight a term, 1 where none is given. Raises ValueError for unknown terms and for
-    weights beyond HEAVIEST.
+    """Return one weight a term, 1 where none is given.
+
+    Raises ValueError for unknown terms and for weights beyond HEAVIEST.
     """
     given = {} if weights is None else weights
     if not isinstance(given, Mapping):
@@ -132,7 +133,7 @@ def check_weights(weights: Mapping[str, float] | None) -> dict[str, float]:
 
 
 def check_tolerances(tolerances: Mapping[str, float] | None) -> Tolerances:
-    """The usual tolerances but for those that are given.
+    """Return the usual tolerances, replaced where others are given.
 
     Raises ValueError for unknown names and for what isn't positive.
     """
@@ -148,7 +149,7 @@ def check_tolerances(tolerances: Mapping[str, float] | None) -> Tolerances:
 
 
 def terms(errors: Errors, work: float) -> dict[str, float]:
-    """The named terms of a step that didn't blow up, before weights."""
+    """Return the named terms of a step that didn't blow up, before weights."""
     result = dict.fromkeys(TERMS, 0.0)
     worst = max(errors)
     if worst <= 1.0:
@@ -160,5 +161,5 @@ def terms(errors: Errors, work: float) -> dict[str, float]:
 
 
 def blowup_terms(steps_left: int) -> dict[str, float]:
-    """The named terms of the step that blew up; `steps_left` includes it."""
+    """Return the named terms of the step that blew up; `steps_left` includes it."""
     return dict.fromkeys(TERMS, 0.0) | {"blowup": -WORST * steps_left}

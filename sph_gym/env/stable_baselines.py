@@ -53,7 +53,7 @@ class TuningVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> Any:
-        """Observations, rewards (float32), dones and infos."""
+        """Return observations, rewards (float32), dones and infos."""
         rewards, terminated, truncated, infos, finals = self.envs.play(self._actions)
         over = terminated | truncated
         self._returns += rewards
@@ -72,7 +72,7 @@ class TuningVecEnv(VecEnv):
         self.envs.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """A picture of every environment; None without render_mode="rgb_array"."""
+        """Return a picture of every environment; None without render_mode="rgb_array"."""
         return self.envs.render() if self.envs.render_mode else [None] * self.num_envs
 
     # --- single environments ----------------------------------------------------------------
@@ -81,7 +81,7 @@ class TuningVecEnv(VecEnv):
         return [self.envs.envs[k] for k in self._get_indices(indices)]
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the chosen environments."""
+        """Return an attribute of the chosen environments."""
         return [getattr(env, attr_name) for env in self._chosen(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
@@ -102,7 +102,7 @@ class TuningVecEnv(VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """None is; but their episodes are told as a Monitor would."""
+        """Return False, except for Monitor: the infos hold episodes as it would add them."""
         from stable_baselines3.common.monitor import Monitor
 
         return [issubclass(wrapper_class, Monitor)] * len(self._chosen(indices))

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from sph_gym.env import rewards
 from sph_gym.env.episode import Episode
+from sph_gym.env.fingerprint import digest
 from sph_gym.env.identity import Identity, identify
-from sph_gym.env.settings import Settings
+from sph_gym.env.rules import Rules
+from sph_gym.env.selection import Selection
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
@@ -20,6 +22,9 @@ if TYPE_CHECKING:
     from sph_gym.view import Painter, Window
 
 PICTURE_WIDTH = 640
+# Version of the form of states.
+STATE_VERSION = 1
+STATE_PARTS = ("version", "rules", "instance", "episode", "generator", "checksum")
 
 
 class TuningEnv(gym.Env[NDArray[Any], Any]):
@@ -64,25 +69,17 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         scene: str | Scene | None = None,
         dx: float | None = None,
         instances: str = "nominal",
-        action_mode: str = "absolute",
-        on_blowup: str = "terminate",
-        reward_weights: dict[str, float] | None = None,
-        tolerances: dict[str, float] | None = None,
-        reward: str = "scalar",
-        rate_limit: float | None = None,
-        observation: str = "features",
+        *,
         render_mode: str | None = None,
+        **rules: Any,
     ) -> None:
-        self.settings = Settings(
-            scene, dx, instances, action_mode, on_blowup, reward_weights, tolerances, reward,
-            rate_limit, observation,
-        )  # fmt: skip
+        self.selection, self.rules = Selection(scene, dx, instances), Rules(**rules)
         if render_mode is not None:
             known("render_mode", render_mode, self.metadata["render_modes"])
-        self.action_space = self.settings.rules.actions.space()
-        self.observation_space: Any = self.settings.rules.observations.space()
-        if reward == "vector":
-            self.reward_space = self.settings.reward_space()
+        self.action_space = self.rules.actions.space()
+        self.observation_space: Any = self.rules.observations.space()
+        if self.rules.reward == "vector":
+            self.reward_space = self.rules.reward_space()
             self.reward_dim = len(rewards.TERMS)
         self.render_mode = render_mode
         self._episode: Episode | None = None
@@ -96,17 +93,17 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Start an episode; options may name the instance."""
         super().reset(seed=seed)
-        self._begin(*self.settings.draw(self.np_random, options))
+        self._begin(*self.selection.draw(self.np_random, options))
         if self.render_mode == "human":
             self.render()
         return self.episode.observe(), dict(self.episode.info)
 
     def _begin(self, instance_id: str, scene: Scene) -> None:
-        self._episode = Episode(self.settings.rules, instance_id, scene)
+        self._episode = Episode(self.rules, instance_id, scene)
         self._painter = None
 
     def step(self, action: Any) -> tuple[NDArray[Any], Any, bool, bool, dict[str, Any]]:
-        """One frame of physical time with the controls that the action asks for."""
+        """Advance by a frame of physical time with the controls that the action asks for."""
         self._require_episode()
         self.begin_step(action)
         result = self.end_step(self.sim.advance(self.episode.scene.frame))
@@ -115,7 +112,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         return result
 
     def check(self, action: Any) -> None:
-        """Raises ResetNeeded if there is no episode to go on with, ValueError for no action."""
+        """Raise ResetNeeded without an episode to go on with, ValueError unless action is one."""
         self._require_episode()
         self.episode.check(action)
 
@@ -124,16 +121,16 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
             raise ResetNeeded("the episode is over (or has not begun): call reset() first")
 
     def begin_step(self, action: Any) -> None:
-        """The part of a step before the solver runs. Raises ValueError for what is no action."""
+        """Do the part of a step before the solver runs. Raises ValueError unless action is one."""
         self.episode.act(action)
 
     def end_step(self, report: Report) -> tuple[NDArray[Any], Any, bool, bool, dict[str, Any]]:
-        """The part of a step after the solver has run for a frame."""
+        """Return the result of a step, after the solver has run for a frame."""
         observation, terms, terminated, truncated, info = self.episode.conclude(report)
-        return observation, self.settings.reward_of(terms), terminated, truncated, info
+        return observation, self.rules.reward_of(terms), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The present state as (height, width, 3) uint8, or shown in the window of "human"."""
+        """Return the present state as (height, width, 3) uint8, or show it ("human")."""
         episode = self.episode
         lines = (
             f"step {episode.step}/{episode.n_steps}",
@@ -181,12 +178,12 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
 
     @property
     def instance_id(self) -> str:
-        """Which flow the present episode shows."""
+        """Id of the flow that the present episode shows."""
         return self.episode.instance_id
 
     @property
     def instance(self) -> Identity:
-        """All about that flow: what made it, with which arguments and seed, and its hash."""
+        """Identity of that flow: its scene, arguments, seed and hash."""
         return identify(self.episode.instance_id, self.episode.scene)
 
     @property
@@ -195,46 +192,62 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         return self.episode.n_steps
 
     def action_toward(self, controls: Any) -> Any:
-        """The action that brings the controls as close as possible to the given ones."""
+        """Return the action that brings the controls as close as possible to the given ones."""
         return self.episode.toward(controls)
 
     def action_masks(self) -> NDArray[np.bool_]:
-        """(27,) which discrete actions do something of their own; as sb3-contrib asks for them.
+        """Return (27,) True for discrete actions that do something of their own, for sb3-contrib.
 
         Raises AttributeError unless action_mode="discrete".
         """
-        return self.settings.masks(self.episode.scene, self.episode.coordinates)
+        return self.rules.masks(self.episode.scene, self.episode.coordinates)
 
     def get_state(self) -> dict[str, Any]:
-        """The whole environment as plain arrays and numbers: instance, episode, generator."""
-        return {
+        """Return the whole environment as plain arrays, numbers and texts, with a checksum."""
+        state = {
+            "version": STATE_VERSION,
+            "rules": self.rules.plain(),
             "instance": self.instance_id,
             "episode": self.episode.state(),
             "generator": self.np_random.bit_generator.state,
         }
+        return state | {"checksum": digest(state)}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go back to what `get_state` of an environment with the same arguments gave.
+        """Go back to the `get_state` of an environment with the same arguments.
 
-        What follows is the same to the last bit. Raises ValueError that says what doesn't fit in
-        states that were damaged or are of environments with other arguments, and then nothing has
-        changed.
+        What follows is the same to the last bit. Raises ValueError for a state that was changed,
+        that is of other arguments or of another kind of environment, and then nothing has changed.
         """
+        self._check_state(state)
+        # on a copy first, so that a wrong state changes nothing
+        generator = copy.deepcopy(self.np_random.bit_generator)
         try:
-            instance, episode, generator = (
-                state[name] for name in ("instance", "episode", "generator")
-            )
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"state: not one of get_state(): {error!r}") from None
-        try:
-            # on a copy first, so that a wrong state changes nothing
-            copy.copy(self.np_random.bit_generator).state = generator
+            generator.state = state["generator"]
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"state: expected a state of the generator: {error!r}") from None
         present = self._episode
-        if present is None or present.instance_id != instance:
-            present = Episode(self.settings.rules, *self.settings.find(instance))
-        present.restore(episode)
+        if present is None or present.instance_id != state["instance"]:
+            present = Episode(self.rules, *self.selection.find(state["instance"]))
+        try:
+            present.restore(state["episode"])
+        except ValueError as error:
+            raise ValueError(f"state: {error}") from None
         if present is not self._episode:
             self._episode, self._painter = present, None
-        self.np_random.bit_generator.state = generator
+        self.np_random.bit_generator.state = state["generator"]
+
+    def _check_state(self, state: Any) -> None:
+        """Raise ValueError for a state that was changed, and for one of other rules."""
+        if not isinstance(state, dict) or set(state) != set(STATE_PARTS):
+            raise ValueError(f"state: expected one of get_state() with {', '.join(STATE_PARTS)}")
+        if state["version"] != STATE_VERSION:
+            raise ValueError(f"state: expected version {STATE_VERSION}, got {state['version']!r}")
+        if state["checksum"] != digest({k: v for k, v in state.items() if k != "checksum"}):
+            raise ValueError("state: changed since get_state() returned it: its checksum is wrong")
+        for name, here in self.rules.plain().items():
+            if state["rules"][name] != here:
+                raise ValueError(
+                    f"state: of an environment with {name} = {state['rules'][name]!r}, but here it "
+                    f"is {here!r}"
+                )

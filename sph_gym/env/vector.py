@@ -88,7 +88,7 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         """Start an episode in all environments, or in those of `options["reset_mask"]`.
 
         seed: of the first environment, the others count on; or one each, None for no new one.
-        Raises ValueError for what are no seeds and no options, before anything is reset.
+        Raises ValueError for wrong seeds and options, before anything is reset.
         """
         if not isinstance(options, dict | None):
             raise ValueError(f"options: expected a dictionary, got {options!r}")
@@ -107,7 +107,7 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         return info
 
     def forget(self) -> None:
-        """Take all episodes for new ones, after single environments were reset from outside."""
+        """Count all episodes as new, after single environments were reset from outside."""
         self._elapsed[:], self._over[:] = 0, False
 
     def _mask(self, mask: Any) -> NDArray[np.bool_]:
@@ -139,7 +139,7 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def step(
         self, actions: NDArray[Any]
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """One step of every environment; what has ended is reset, as the mode says.
+        """Play one step of every environment; what has ended is reset, as the mode says.
 
         Raises ValueError for actions that are none, before anything moves, and ResetNeeded for
         ended episodes if the mode is "Disabled".
@@ -151,36 +151,27 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def play(
         self, actions: NDArray[Any]
     ) -> tuple[list[Any], NDArray[np.bool_], NDArray[np.bool_], list[Any], list[Any]]:
-        """`step`, but with a list of infos, and one of last observations and infos or None."""
-        try:
-            given = list(iterate(self.action_space, actions))
-        except TypeError:
-            raise ValueError(
-                f"actions: expected {self.num_envs} of them, got {actions!r}"
-            ) from None
-        if len(given) != self.num_envs:
-            raise ValueError(f"actions: expected {self.num_envs} of them, got {actions!r}")
-        if self.autoreset_mode == AutoresetMode.DISABLED and self._over.any():
-            raise ResetNeeded(f"episodes {np.flatnonzero(self._over)} are over: reset them first")
+        """Do a `step`, and return a list of infos, and one of last observations and infos or None.
+
+        Raises as `step`.
+        """
         waiting = self._over & (self.autoreset_mode == AutoresetMode.NEXT_STEP)
-        playing = [k for k in range(self.num_envs) if not waiting[k]]
-        for k in playing:
-            self.envs[k].check(given[k])
+        playing, resting = np.flatnonzero(~waiting).tolist(), np.flatnonzero(waiting).tolist()
+        given = self._check(actions, playing)
         infos: list[Any] = [None] * self.num_envs
         finals: list[Any] = [None] * self.num_envs
         terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
-        rewards: list[Any] = [self.envs[0].settings.reward_of([0.0] * 5)] * self.num_envs
-        resting = np.flatnonzero(waiting).tolist()
+        rewards: list[Any] = [self.envs[0].rules.reward_of([0.0] * 5)] * self.num_envs
         tasks: list[Callable[[], Any]] = [partial(self._step, k, given[k]) for k in playing]
-        outcomes = self._side_by_side(tasks + [partial(self._reset, k) for k in resting])
-        for k, outcome in zip(playing, outcomes, strict=False):
-            self.observations[k], rewards[k], terminated[k], truncated[k], infos[k] = outcome
-            self._elapsed[k] += 1
-            if self.max_episode_steps is not None and self._elapsed[k] >= self.max_episode_steps:
-                truncated[k] = True
-        self._over = terminated | truncated
-        for k, info in zip(resting, outcomes[len(playing) :], strict=True):
+        results = self._side_by_side(tasks + [partial(self._reset, k) for k in resting])
+        for k, result in zip(playing, results, strict=False):
+            self.observations[k], rewards[k], terminated[k], truncated[k], infos[k] = result
+        for k, info in zip(resting, results[len(playing) :], strict=True):
             infos[k] = info
+        self._elapsed[playing] += 1
+        if self.max_episode_steps is not None:
+            truncated[playing] |= self._elapsed[playing] >= self.max_episode_steps
+        self._over = terminated | truncated
         if self.autoreset_mode == AutoresetMode.SAME_STEP:
             ended = np.flatnonzero(self._over).tolist()
             for k in ended:
@@ -190,31 +181,45 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
                 infos[k] = info
         return rewards, terminated, truncated, infos, finals
 
+    def _check(self, actions: NDArray[Any], playing: list[int]) -> list[Any]:
+        """Return one action an environment, once all are known to be possible."""
+        try:
+            given = list(iterate(self.action_space, actions))
+        except TypeError:
+            given = []
+        if len(given) != self.num_envs:
+            raise ValueError(f"actions: expected {self.num_envs} of them, got {actions!r}")
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._over.any():
+            raise ResetNeeded(f"episodes {np.flatnonzero(self._over)} are over: reset them first")
+        for k in playing:
+            self.envs[k].check(given[k])
+        return given
+
     def _step(self, k: int, action: Any) -> Any:
         env = self.envs[k]
         env.begin_step(action)
         return env.end_step(env.sim.advance(env.episode.scene.frame))
 
     def _side_by_side(self, tasks: Sequence[Callable[[], Any]]) -> list[Any]:
-        """What each task returns: every thread takes the next one that is left."""
-        outcomes: list[Any] = [None] * len(tasks)
+        """Return the results of tasks; every thread takes the next one that is left."""
+        results: list[Any] = [None] * len(tasks)
         left, team = iter(range(len(tasks))), teams.make_team()
 
         def part(rank: int, n_threads: int) -> None:
             for i in left:
                 if team[teams.STOP]:
                     return
-                outcomes[i] = tasks[i]()
+                results[i] = tasks[i]()
 
         most = teams.most_threads() if self.threads is None else self.threads
         with teams.borrow(min(most, max(len(tasks), 1))) as n_threads:
             teams.run(part, n_threads, team)
-        return outcomes
+        return results
 
     # --- everything else --------------------------------------------------------------------
 
     def render(self) -> tuple[NDArray[np.uint8] | None, ...]:  # type: ignore[override]
-        """A picture of every environment."""
+        """Return a picture of every environment."""
         return tuple(env.render() for env in self.envs)
 
     def close_extras(self, **kwargs: Any) -> None:
@@ -223,17 +228,17 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
             env.close()
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """The method or attribute `name` of every environment."""
+        """Return the attribute `name`, or the result of the method, of every environment."""
         found = (getattr(env, name) for env in self.envs)
         return tuple(each(*args, **kwargs) if callable(each) else each for each in found)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """The attribute `name` of every environment."""
+        """Return the attribute `name` of every environment."""
         return self.call(name)
 
 
 def _columns(infos: Sequence[dict[str, Any] | None]) -> dict[str, Any]:
-    """Infos of single environments as arrays, with the masks that Gymnasium adds.
+    """Return infos of single environments as arrays, with the masks that Gymnasium adds.
 
     All have the same keys, so that this needs no look at every value, which Gymnasium's does.
     """
@@ -256,7 +261,7 @@ def _columns(infos: Sequence[dict[str, Any] | None]) -> dict[str, Any]:
 
 
 def _final(finals: Sequence[tuple[Any, dict[str, Any]] | None]) -> dict[str, Any]:
-    """Last observations and infos of the episodes that ended, as "final_obs" and "final_info"."""
+    """Return "final_obs" and "final_info": last observations and infos of episodes that ended."""
     if all(final is None for final in finals):
         return {}
     there = np.array([final is not None for final in finals])

@@ -7,7 +7,7 @@ from sph_gym.solver.state import Controls
 
 
 def within_reach(scene: Scene, courant: float, wanted: Controls) -> Controls:
-    """Controls of a `TunedCfl`, or stiffer ones if no action asks for a step as short as theirs.
+    """Return controls of a `TunedCfl`, or stiffer ones if no action asks for a step that short.
 
     Where friction asks for less than the lowest multiple of h / c, a larger c makes it shorter.
     courant: of the rule.
@@ -22,7 +22,7 @@ def within_reach(scene: Scene, courant: float, wanted: Controls) -> Controls:
 
 
 def check(name: str, scene: Scene) -> None:
-    """ValueError if the fluid is so viscous that it takes steps below the action space.
+    """Raise ValueError if the fluid is so viscous that it takes steps below the action space.
 
     name: of the argument to blame. Even in the stiffest fluid, the lowest multiple of h / c must
     be a step that the tuned rule could take.

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
-from sph_gym.scenes.free_bodies import conserved, energy_measures, momentum_measures
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.free_bodies import conserved, energy_measures, momentum_measures
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.refinement import Refinement
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene
@@ -49,7 +50,7 @@ def colliding_patches(
 
 
 def start(scene: Scene) -> tuple[float, float]:
-    """Length and height [m] of either patch."""
+    """Return length and height [m] of either patch."""
     x = np.asarray(scene.x)
     right = x[: len(x) // 2]
     length, height = np.ptp(right, axis=0) + scene.dx
@@ -57,7 +58,7 @@ def start(scene: Scene) -> tuple[float, float]:
 
 
 def impact_loss(length: float, height: float) -> float:
-    """The share of the kinetic energy that the impact of two incompressible patches costs.
+    """Return the share of the kinetic energy that an impact of incompressible patches costs.
 
     The impulse P of the pressure makes the velocity divergence-free at one blow: laplacian P = 0,
     P = 0 on the free sides, dP/dx = - rho u where they meet. As a sine series along that line,
@@ -70,36 +71,34 @@ def impact_loss(length: float, height: float) -> float:
 
 
 def energy_lost(sim: Simulation) -> float:
-    """The share of the kinetic energy that has gone."""
+    """Return the share of the kinetic energy that is lost."""
     began = 0.5 * sim.mass * float((np.asarray(sim.scene.v) ** 2).sum())
     return 1 - sim.diagnostics()["kinetic_energy"] / began
 
 
 def asymmetry(sim: Simulation) -> float:
-    """Mean distance [dx] between a particle and the mirror image of its twin."""
+    """Return the mean distance [dx] between a particle and the mirror image of its twin."""
     right, left = np.split(sim.x, 2)
     return float(np.hypot(*(right * (-1, 1) - left).T).mean()) / sim.scene.dx
 
 
 def error(sim: Simulation) -> float:
-    """Energy lost against the loss by the impact of incompressible patches [% of the energy]."""
+    """Return the energy lost minus that lost by incompressible patches [% of the energy]."""
     return 100 * abs(energy_lost(sim) - impact_loss(*start(sim.scene)))
 
 
 def observe(sim: Simulation) -> dict[str, float]:
-    """The share of the kinetic energy lost, the asymmetry, and what is conserved."""
+    """Return the share of the kinetic energy lost, the asymmetry, and `conserved`."""
     return {"lost": energy_lost(sim), "asymmetry": asymmetry(sim), **conserved(sim)}
 
 
 def judge(run: Run) -> list[Measure]:
-    """Energy lost, symmetry and momentum; the bound holds for forty particles along a patch."""
+    """Judge energy, symmetry and momentum; the bound holds for forty particles along a patch."""
     _, height = start(run.sim.scene)
     fine = height / run.sim.scene.dx > 39.5
-    lost = Measure(
-        "energy lost, against the impact", error(run.sim), "% of the energy", 5.0 if fine else None
-    )
+    bound = 5.0 if fine else None
     return [
-        lost,
+        Measure("energy lost, against the impact", error(run.sim), "% of the energy", bound),
         *energy_measures(run),
         Measure("asymmetry", float(run.series("asymmetry").max()), "dx"),
         *momentum_measures(run),
@@ -107,16 +106,11 @@ def judge(run: Run) -> list[Measure]:
 
 
 def chart(run: Run) -> Chart:
-    """The kinetic energy in time."""
+    """Draw the kinetic energy over time."""
     left = 1 - impact_loss(*start(run.sim.scene))
-    return Chart(
-        "time [s]",
-        "kinetic energy / that before the impact",
-        [
-            Curve("simulated", run.times, 1 - run.series("lost")),
-            Curve("incompressible", run.times[[0, -1]], [left, left], reference=True),
-        ],
-    )
+    simulated = Curve("simulated", run.times, 1 - run.series("lost"))
+    exact = Curve("incompressible", run.times[[0, -1]], [left, left], reference=True)
+    return Chart("time [s]", "kinetic energy / that before the impact", [simulated, exact])
 
 
 REFERENCE = Reference(
@@ -129,3 +123,10 @@ REFERENCE = Reference(
     resolutions=({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80}),
     quick=2,
 )
+
+REFINEMENT = Refinement(
+    "colliding_patches", "height", (10, 14, 20, 28, 40), 20,
+    "energy lost, against the impact", "of the energy",
+    "About first order: the impact sends its energy into sound of the wavelength of h.",
+    order=0.7, others=({"height": 0.8}, {"length": 0.6}), joined=5,
+)  # fmt: skip

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.scenes import tanks
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared import tanks
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -57,10 +58,10 @@ def drop_impact(
     )
 
 
-class Fall(NamedTuple):
-    """How the drop falls while nothing touches it.
+class FreeFall(NamedTuple):
+    """Free fall of the drop, while nothing touches it.
 
-    drop: (n,) which particles it is made of; start: its centre [m]; gap: between it and the pool
+    drop: (n,) True for its particles; start: its centre [m]; gap: between it and the pool
     [m]; gravity: downwards [m/s^2]; until: when the first of them are within h of each other [s].
     """
 
@@ -71,12 +72,12 @@ class Fall(NamedTuple):
     until: float
 
     def height(self, times: Any) -> Any:
-        """Of the centre [m], at times [s]."""
+        """Return the height of the centre [m] at times [s]."""
         return self.start[1] - self.gravity / 2 * times**2
 
 
-def fall(scene: Scene) -> Fall:
-    """The free fall of a scene's drop: what is above the widest gap between heights."""
+def fall(scene: Scene) -> FreeFall:
+    """Return the free fall of the particles above the widest gap between heights."""
     x = np.asarray(scene.x)
     heights = np.sort(x[:, 1])
     below = int(np.argmax(np.diff(heights)))
@@ -84,16 +85,16 @@ def fall(scene: Scene) -> Fall:
     gap = float(heights[below + 1] - heights[below])
     gravity = -float(scene.effects.gravity_at(0.0)[1])
     until = math.sqrt(2 * max(gap - scene.h, 0.0) / gravity)
-    return Fall(drop, x[drop].mean(axis=0), gap, gravity, until)
+    return FreeFall(drop, x[drop].mean(axis=0), gap, gravity, until)
 
 
 def centre(sim: Simulation) -> NDArray[np.float64]:
-    """(2,) of what was the drop [m]."""
+    """Return the centre (2,) [m] of the particles that were the drop."""
     return sim.x[: sim.n_fluid].astype(float)[fall(sim.scene).drop].mean(axis=0)
 
 
 def error(sim: Simulation) -> float:
-    """The drop's centre off the parabola of free fall, in % of the way to the pool.
+    """Return the distance of the drop's centre from free fall [% of the way to the pool].
 
     nan once the drop has come so near that the pool acts on it.
     """
@@ -105,37 +106,25 @@ def error(sim: Simulation) -> float:
 
 
 def observe(sim: Simulation) -> dict[str, Any]:
-    """Error [%], height of the drop's centre [m], and what is asked of any tank."""
+    """Return the error [%], the height of the drop's centre [m], and `tanks.observe`."""
     return {"error": error(sim), "height": float(centre(sim)[1]), **tanks.observe(sim)}
 
 
 def judge(run: Run) -> list[Measure]:
-    """Free fall, and what can't be once it is over."""
+    """Judge the free fall, and the tank."""
     scene = run.sim.scene
     fine = fall(scene).gap / scene.dx > 39.5
-    return [
-        Measure(
-            "free fall",
-            float(np.nanmax(run.series("error"))),
-            "% of the way",
-            0.1 if fine else None,
-        ),
-        *tanks.judge(run),
-    ]
+    worst = float(np.nanmax(run.series("error")))
+    return [Measure("free fall", worst, "% of the way", 0.1 if fine else None), *tanks.judge(run)]
 
 
 def chart(run: Run) -> Chart:
-    """The height of the drop's centre, and the parabola of its fall."""
+    """Draw the height of the drop's centre, and the parabola of its fall."""
     free = fall(run.sim.scene)
     times = np.linspace(0.0, free.until, 50)
-    return Chart(
-        "time [s]",
-        "height of the drop's centre [m]",
-        [
-            Curve("free fall", times, free.height(times), reference=True),
-            Curve("simulated", run.times, run.series("height")),
-        ],
-    )
+    parabola = Curve("free fall", times, free.height(times), reference=True)
+    simulated = Curve("simulated", run.times, run.series("height"))
+    return Chart("time [s]", "height of the drop's centre [m]", [parabola, simulated])
 
 
 REFERENCE = Reference(
@@ -146,4 +135,27 @@ REFERENCE = Reference(
     judge=judge,
     chart=chart,
     resolutions=({"dx": 0.02}, {"dx": 0.01}),
+)
+
+
+def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
+    """Return the arguments of a drop above a pool, except dx [m]."""
+    diameter = rng.uniform(9, 14) * dx
+    return {
+        "diameter": diameter,
+        "drop_height": rng.uniform(3.0, 6.0) * diameter,
+        "pool_depth": rng.uniform(2, 5) * dx,
+        "width": rng.uniform(3.0, 4.5) * diameter,
+        "gravity": rng.uniform(*GRAVITY),
+    }
+
+
+FAMILY = FlowFamily(
+    "drop_impact",
+    dx=0.03,
+    seed=2,
+    draw=draw,
+    odd=STRONG_GRAVITY,
+    frames_per_step=1.5,
+    headroom=2.025,
 )

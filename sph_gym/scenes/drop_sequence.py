@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.solver.checks import in_range, positive, whole
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -60,3 +61,20 @@ def drop_sequence(
         duration=float(arrivals[-1]) + 2 * interval,
         frame=interval / 30,
     )
+
+
+def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
+    """Return the arguments of two or three drops above a pool, except dx [m]."""
+    diameter, gravity = rng.uniform(8, 11) * dx, rng.uniform(*GRAVITY)
+    return {
+        "diameter": diameter,
+        "drop_height": rng.uniform(0.5, 2.0) * diameter,
+        "drops": int(rng.integers(2, 4)),
+        "interval": rng.uniform(2.5, 3.5) * float(np.sqrt(diameter / gravity)),
+        "pool_depth": rng.uniform(4, 6) * dx,
+        "width": rng.uniform(3.5, 5.5) * diameter,
+        "gravity": gravity,
+    }
+
+
+FAMILY = FlowFamily("drop_sequence", dx=0.03, seed=3, draw=draw, odd=STRONG_GRAVITY, headroom=1.879)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.scenes.free_bodies import (
+from sph_gym.scenes.shared.free_bodies import (
     conserved,
     ellipse,
     energy_measures,
@@ -10,12 +10,13 @@ from sph_gym.scenes.free_bodies import (
     rings,
     semi_axes,
 )
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.refinement import Refinement
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.simulation import Simulation
 
-# How far the reference tells anything in the source, times the rate.
+# End of the reference in the source, times the rate.
 END = 0.76
 
 
@@ -47,35 +48,35 @@ def elliptical_drop(dx: float = 0.025, radius: float = 1.0, rate: float = 100.0)
 
 
 def start(scene: Scene) -> tuple[float, float]:
-    """The radius [m] and the strain rate [1/s] that a scene begins with."""
+    """Return the radius [m] and the strain rate [1/s] at a scene's start."""
     x, v = np.asarray(scene.x), np.asarray(scene.v)
     radius = float(np.hypot(*x.T).max()) + scene.dx / 2
     return radius, float((v[:, 1] * x[:, 1]).sum() / (x[:, 1] ** 2).sum())
 
 
 def major_axis(scene: Scene, time: float) -> float:
-    """The exact major semi-axis [m] at a time [s]."""
+    """Return the exact major semi-axis [m] at a time [s]."""
     radius, rate = start(scene)
     return radius * float(ellipse(np.array([time]), -rate)[0, 1])
 
 
 def tip(sim: Simulation) -> float:
-    """The simulated one [m]: the farthest particle along y, and the half spacing that it fills."""
+    """Return the simulated major semi-axis [m]: the outer edge of the farthest particle along y."""
     return float(np.abs(sim.x[:, 1]).max()) + sim.scene.dx / 2
 
 
 def error(sim: Simulation) -> float:
-    """Of the major semi-axis, measured at its tip, against the exact one [%]."""
+    """Return the difference of the tip and the exact major semi-axis [% of the latter]."""
     return 100 * abs(tip(sim) / major_axis(sim.scene, sim.time) - 1)
 
 
 def observe(sim: Simulation) -> dict[str, float]:
-    """Tip, semi-axis by second moments [m], and what is conserved."""
+    """Return the tip and the semi-axis by second moments [m], and `conserved`."""
     return {"tip": tip(sim), "major": semi_axes(sim.x)[1], **conserved(sim)}
 
 
 def judge(run: Run) -> list[Measure]:
-    """The axis in the end, by its tip and by second moments, and what should be conserved."""
+    """Judge the axis at the end, by its tip and by second moments, and the conservation."""
     sim = run.sim
     radius, _ = start(sim.scene)
     fine = radius / sim.scene.dx > 39.5
@@ -89,18 +90,14 @@ def judge(run: Run) -> list[Measure]:
 
 
 def chart(run: Run) -> Chart:
-    """The major semi-axis in time."""
+    """Draw the major semi-axis over time."""
     radius, rate = start(run.sim.scene)
-    exact = radius * ellipse(run.times, -rate)[:, 1]
-    return Chart(
-        "time [s]",
-        "major semi-axis [m]",
-        [
-            Curve("tip", run.times, run.series("tip")),
-            Curve("second moments", run.times, run.series("major")),
-            Curve("exact", run.times, exact, reference=True),
-        ],
-    )
+    curves = [
+        Curve("tip", run.times, run.series("tip")),
+        Curve("second moments", run.times, run.series("major")),
+        Curve("exact", run.times, radius * ellipse(run.times, -rate)[:, 1], reference=True),
+    ]
+    return Chart("time [s]", "major semi-axis [m]", curves)
 
 
 REFERENCE = Reference(
@@ -113,3 +110,12 @@ REFERENCE = Reference(
     resolutions=({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80}),
     quick=2,
 )
+
+REFINEMENT = Refinement(
+    "elliptical_drop", "radius", (14, 20, 28, 40, 57, 80), 40,
+    "error of the major semi-axis", "of the exact semi-axis",
+    "First order in dx: the tip is a free surface, where the sums lack half of their "
+    "neighbours. With h = 2.38 dx or density by continuity errors cross zero while coarse and "
+    "then grow again, to 0.73 and 0.28 % at 80 across.",
+    order=0.9, joined=4, single="radius and rate only change the units",
+)  # fmt: skip

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run, read
-from sph_gym.scenes.sampling import interpolate
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run, read
+from sph_gym.scenes.shared.refinement import Refinement
+from sph_gym.scenes.shared.sampling import interpolate
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -13,8 +14,8 @@ from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.walls import Walls
 
 TABLES = ("ghia_1982_cavity_re100_u.csv", "ghia_1982_cavity_re100_v.csv")
-# Of size / speed: until it is steady (from about 10 on), and the last of it, over which the mean
-# is taken. Particles come and go, so that a single moment is noisier than the flow.
+# In units of size / speed: the duration (it is steady from about 10 on), and its last part, over
+# which the mean is taken. Particles come and go, so that a single moment is noisier than the flow.
 LAST, MEAN = 20.0, 5.0
 # Particles across from which on the bound holds, and the bound [of U].
 ENOUGH, BOUND = 60, 0.03
@@ -55,7 +56,7 @@ def _size_and_speed(sim: Simulation) -> tuple[float, float]:
 
 
 def profiles(sim: Simulation) -> np.ndarray:
-    """(2, 15) u / U on the vertical and v / U on the horizontal centre line, at Ghia's points."""
+    """Return (2, 15) u / U and v / U on both centre lines, at Ghia's points."""
     size, speed = _size_and_speed(sim)
     y, x = (read(table)[:, 0] for table in TABLES)
     half = np.full(len(y), 0.5)
@@ -65,17 +66,17 @@ def profiles(sim: Simulation) -> np.ndarray:
 
 
 def deviation(seen: np.ndarray) -> float:
-    """The largest difference of (2, 15) velocities from both tables [of U]."""
+    """Return the largest difference of (2, 15) velocities from both tables [of U]."""
     return float(np.abs(seen - [read(table)[:, 1] for table in TABLES]).max())
 
 
 def error(sim: Simulation) -> float:
-    """The largest difference of the present velocities from both tables [of U]."""
+    """Return the largest difference of the present velocities from both tables [of U]."""
     return deviation(profiles(sim))
 
 
 def observe(sim: Simulation) -> dict[str, Any]:
-    """See `profiles`; the kinetic energy [J/m], and how many are behind the walls' first layer."""
+    """Return `profiles`, kinetic energy [J/m] and the count behind the walls' first layer."""
     x, (size, _), dx = sim.x[: sim.n_fluid], _size_and_speed(sim), sim.scene.dx
     return {
         "profiles": profiles(sim),
@@ -85,12 +86,12 @@ def observe(sim: Simulation) -> dict[str, Any]:
 
 
 def _steady(run: Run) -> np.ndarray:
-    """Which observations count for the mean."""
+    """Return the mask of the observations that count for the mean."""
     return run.times > run.sim.time * (1 - MEAN / LAST) * (1 + 1e-9)
 
 
 def judge(run: Run) -> list[Measure]:
-    """The last moments on average, the very last, and whether the flow was steady."""
+    """Judge the mean of the last observations, the very last one, and the steadiness."""
     size, _ = _size_and_speed(run.sim)
     bound = BOUND if size / run.sim.scene.dx > ENOUGH - 0.5 else None
     late, seen = _steady(run), run.series("profiles")
@@ -104,19 +105,16 @@ def judge(run: Run) -> list[Measure]:
 
 
 def chart(run: Run) -> Chart:
-    """Mean profiles on both centre lines, and Ghia's."""
+    """Draw the mean profiles on both centre lines, and Ghia's."""
     u, v = run.series("profiles")[_steady(run)].mean(axis=0)
     table_u, table_v = (read(table) for table in TABLES)
-    return Chart(
-        "y / L of u, x / L of v",
-        "u / U, v / U",
-        [
-            Curve("u on the vertical centre line", table_u[:, 0], u),
-            Curve("u, Ghia et al.", table_u[:, 0], table_u[:, 1], reference=True),
-            Curve("v on the horizontal centre line", table_v[:, 0], v),
-            Curve("v, Ghia et al.", table_v[:, 0], table_v[:, 1], reference=True),
-        ],
-    )
+    curves = [
+        Curve("u on the vertical centre line", table_u[:, 0], u),
+        Curve("u, Ghia et al.", table_u[:, 0], table_u[:, 1], reference=True),
+        Curve("v on the horizontal centre line", table_v[:, 0], v),
+        Curve("v, Ghia et al.", table_v[:, 0], table_v[:, 1], reference=True),
+    ]
+    return Chart("y / L of u, x / L of v", "u / U, v / U", curves)
 
 
 REFERENCE = Reference(
@@ -129,3 +127,11 @@ REFERENCE = Reference(
     resolutions=({"dx": 1 / 30}, {"dx": 1 / 60}),
     quick=2,
 )
+
+REFINEMENT = Refinement(
+    "lid_driven_cavity", "size", (12, 16, 20, 28, 40), 20,
+    "largest error of the mean profiles", "of U",
+    "Between first and second order, until the tables' own digits are left.",
+    order=1.4, widest=4.0,
+    single="its tables are read at one Reynolds number; speed and size only change the units",
+)  # fmt: skip

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -50,3 +51,18 @@ def long_fall(
         duration=2.5 * fall,
         frame=fall / 50,
     )
+
+
+def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
+    """Return the arguments of a drop high above a puddle, except dx [m]."""
+    diameter = rng.uniform(14, 20) * dx
+    return {
+        "diameter": diameter,
+        "drop_height": rng.uniform(4.0, 8.0) * diameter,
+        "puddle": rng.uniform(2, 5) * dx,
+        "width": rng.uniform(2.0, 4.0) * diameter,
+        "gravity": rng.uniform(*GRAVITY),
+    }
+
+
+FAMILY = FlowFamily("long_fall", dx=0.02, seed=5, draw=draw, odd=STRONG_GRAVITY, headroom=2.538)

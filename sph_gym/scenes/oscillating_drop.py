@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.scenes.free_bodies import (
+from sph_gym.scenes.shared.free_bodies import (
     conserved,
     ellipse,
     energy_measures,
@@ -11,7 +11,8 @@ from sph_gym.scenes.free_bodies import (
     rings,
     semi_axes,
 )
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.refinement import Refinement
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -55,7 +56,7 @@ def oscillating_drop(
 
 
 def period(rate: float, omega: float) -> float:
-    """Of the exact drop [s]: twice the time until it is round again.
+    """Return the period of the exact drop [s]: twice the time until it is round again.
 
     For a weak start it is sqrt(2) pi / omega, and a strong one takes longer: the search ends at
     three times that.
@@ -69,7 +70,7 @@ def period(rate: float, omega: float) -> float:
 
 
 def start(scene: Scene) -> tuple[float, float, float]:
-    """Radius [m], strain rate [1/s] and omega [1/s] that a scene begins with."""
+    """Return radius [m], strain rate [1/s] and omega [1/s] at a scene's start."""
     x, v, field = np.asarray(scene.x), np.asarray(scene.v), scene.effects.field
     assert isinstance(field, CentralGravity)
     radius = float(np.hypot(*x.T).max()) + scene.dx / 2
@@ -77,13 +78,13 @@ def start(scene: Scene) -> tuple[float, float, float]:
 
 
 def axis(scene: Scene, times: Array) -> Array:
-    """(n,) the exact semi-axis along x [m] at times [s]."""
+    """Return the exact semi-axes (n,) along x [m] at times (n,) [s]."""
     radius, rate, omega = start(scene)
     return radius * ellipse(times, rate, omega)[:, 0]
 
 
 def observed_period(times: Array, a: Array, b: Array) -> float:
-    """Of a run [s]: the line through all moments at which the drop is round; NaN for too few."""
+    """Return the period [s] by a line through the times at which it is round; NaN for too few."""
     flatness = np.log(a / b)
     k = np.flatnonzero(flatness[:-1] * flatness[1:] < 0)
     share = flatness[k] / (flatness[k] - flatness[k + 1])
@@ -96,20 +97,20 @@ def observed_period(times: Array, a: Array, b: Array) -> float:
 
 
 def error(sim: Simulation) -> float:
-    """Of the present semi-axis along x against the exact one [% of the radius]."""
+    """Return the difference of the semi-axis along x and the exact one [% of the radius]."""
     radius, _, _ = start(sim.scene)
     exact = axis(sim.scene, np.array([sim.time]))[0]
     return 100 * float(abs(semi_axes(sim.x)[0] - exact)) / radius
 
 
 def observe(sim: Simulation) -> dict[str, float]:
-    """Both semi-axes [m] by second moments, and what is conserved."""
+    """Return both semi-axes [m] by second moments, and `conserved`."""
     a, b = semi_axes(sim.x)
     return {"a": a, "b": b, **conserved(sim)}
 
 
 def judge(run: Run) -> list[Measure]:
-    """Semi-axis, period and amplitude over the whole run, and what should be conserved."""
+    """Judge semi-axis, period and amplitude over the whole run, and the conservation."""
     scene = run.sim.scene
     radius, rate, omega = start(scene)
     a, exact = run.series("a"), axis(scene, run.times)
@@ -127,15 +128,10 @@ def judge(run: Run) -> list[Measure]:
 
 
 def chart(run: Run) -> Chart:
-    """The semi-axis along x in time."""
-    return Chart(
-        "time [s]",
-        "semi-axis along x [m]",
-        [
-            Curve("simulated", run.times, run.series("a")),
-            Curve("exact", run.times, axis(run.sim.scene, run.times), reference=True),
-        ],
-    )
+    """Draw the semi-axis along x over time."""
+    simulated = Curve("simulated", run.times, run.series("a"))
+    exact = Curve("exact", run.times, axis(run.sim.scene, run.times), reference=True)
+    return Chart("time [s]", "semi-axis along x [m]", [simulated, exact])
 
 
 REFERENCE = Reference(
@@ -147,3 +143,12 @@ REFERENCE = Reference(
     chart=chart,
     resolutions=({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80}),
 )
+
+REFINEMENT = Refinement(
+    "oscillating_drop", "radius", (10, 14, 20, 28, 40), 20,
+    "RMS error of the semi-axis", "of R",
+    "A little better than first order: the free surface, and the amplitude that is lost to "
+    "heat.",
+    order=1.0, arguments={"periods": 2.0},
+    others=({"rate": 0.4, "radius": 0.7}, {"rate": 0.7}),
+)  # fmt: skip

@@ -6,6 +6,7 @@ article's fluid, whose time step, stiffness and smoothing can be tuned.
 
 import numpy as np
 
+from sph_gym.scenes.shared.family import FlowFamily
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene
@@ -42,3 +43,25 @@ def patch_impact(
         duration=duration,
         frame=duration / 75,
     )
+
+
+def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
+    """Return the arguments of two patches, except dx [m]."""
+    length = rng.uniform(10, 16) * dx
+    return {
+        "length": length,
+        "height": rng.uniform(0.7, 1.3) * length,
+        "speed": rng.uniform(0.5, 2.0),
+        "gap": rng.uniform(0.5, 1.0) * length,
+    }
+
+
+FAMILY = FlowFamily(
+    "patch_impact",
+    environment="colliding_patches",
+    dx=0.05,
+    seed=0,
+    draw=draw,
+    odd=("speed", 4.0, 8.0),
+    headroom=1.788,
+)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sph_gym.scenes.free_bodies import conserved
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.free_bodies import conserved
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, known, positive, whole
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.kernels import KERNELS, MATCHED
@@ -47,66 +47,55 @@ def perturbed_lattice(
 
 
 def scale(sim: Simulation) -> float:
-    """rho0 c0^2 times the area [J/m]: an energy that doesn't vanish with the noise."""
+    """Return rho0 c0^2 times the area [J/m], an energy that doesn't vanish with the noise."""
     return sim.mass * sim.n_fluid * sim.scene.fluid.c0**2
 
 
 def error(sim: Simulation) -> float:
-    """Energy from nowhere, or gone there, as a share of `scale`."""
+    """Return the energy gained or lost, as a share of `scale`."""
     return abs(energy(sim) - energy(Simulation(sim.scene, threads=1))) / scale(sim)
 
 
 def energy(sim: Simulation) -> float:
-    """Kinetic and internal energy [J/m]."""
+    """Return kinetic plus internal energy [J/m]."""
     numbers = sim.diagnostics()
     return numbers["kinetic_energy"] + numbers["internal_energy"]
 
 
-def observe(sim: Simulation) -> dict[str, float]:
-    """What is conserved, and the energies."""
-    return conserved(sim)
-
-
 def judge(run: Run) -> list[Measure]:
-    """The drift of the energy, and of the momentum, which is zero at the start."""
+    """Judge the drift of the energy, and the momentum, which is zero at the start."""
     sim, total = run.sim, run.series("energy")
     matched = sim.scene.fluid.kernel in MATCHED
     quarter = max(len(total) // 4, 1)
     drift = float(abs(total[-quarter:].mean() - total[:quarter].mean()))
     speed = float(run.series("speed").max()) or 1.0
     momentum = np.hypot(*run.series("momentum").T).max() / (sim.mass * sim.n_fluid * speed)
-    bound = 1e-5 if matched else None
+    largest = float(np.abs(total - total[0]).max())
+    bounds, unit = (1e-5, 2e-8) if matched else (None, None), "of rho c^2"
     return [
-        Measure(
-            "largest change of energy", float(np.abs(total - total[0]).max()) / scale(sim),
-            "of rho c^2", bound,
-        ),
-        Measure("drift of energy", drift / scale(sim), "of rho c^2", 2e-8 if matched else None),
+        Measure("largest change of energy", largest / scale(sim), unit, bounds[0]),
+        Measure("drift of energy", drift / scale(sim), unit, bounds[1]),
         Measure("drift of energy, against the start", drift / float(total[0]), ""),
         Measure("momentum", float(momentum), "of m v_max", 1e-12),
-    ]  # fmt: skip
+    ]
 
 
 def chart(run: Run) -> Chart:
-    """The energies in time, and the constant one."""
-    sim = run.sim
-    whole_energy = run.series("energy") / scale(sim)
-    return Chart(
-        "time [s]",
-        "energy / (rho c^2)",
-        [
-            Curve("kinetic", run.times, run.series("kinetic") / scale(sim)),
-            Curve("kinetic and internal", run.times, whole_energy),
-            Curve("conserved", run.times[[0, -1]], whole_energy[[0, 0]], reference=True),
-        ],
-    )
+    """Draw the energies over time, and the constant one."""
+    kinetic, total = (run.series(name) / scale(run.sim) for name in ("kinetic", "energy"))
+    curves = [
+        Curve("kinetic", run.times, kinetic),
+        Curve("kinetic and internal", run.times, total),
+        Curve("conserved", run.times[[0, -1]], total[[0, 0]], reference=True),
+    ]
+    return Chart("time [s]", "energy / (rho c^2)", curves)
 
 
 REFERENCE = Reference(
     source="conservation of energy and momentum",
     unit="of rho c^2",
     error=error,
-    observe=observe,
+    observe=conserved,
     judge=judge,
     chart=chart,
     resolutions=tuple({"kernel": kernel} for kernel in KERNELS if kernel in MATCHED),

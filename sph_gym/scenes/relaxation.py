@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.scenes.free_bodies import conserved, momentum_measures
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.family import FlowFamily
+from sph_gym.scenes.shared.free_bodies import conserved, momentum_measures
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.solver.checks import in_range, positive, whole
 from sph_gym.solver.geometry import disc
 from sph_gym.solver.scene import Effects, Fluid, Scene
@@ -41,17 +42,17 @@ def relaxation(
 
 
 def error(sim: Simulation) -> float:
-    """Change of the radius since the start [%]."""
+    """Return the change of the radius since the start [%]."""
     return 100 * abs(radius(sim.x) / radius(np.asarray(sim.scene.x)) - 1)
 
 
 def radius(x: np.ndarray) -> float:
-    """Distance of the outermost particle from the origin [m]."""
+    """Return the distance of the outermost particle from the origin [m]."""
     return float(np.hypot(*x.T).max())
 
 
 def observe(sim: Simulation) -> dict[str, Any]:
-    """Radius [m], median distance to the nearest neighbour [dx], centre [m], and momenta."""
+    """Return radius [m], median distance of nearest neighbours [dx], centre [m], `conserved`."""
     numbers = sim.diagnostics()
     return {
         "radius": radius(sim.x),
@@ -62,7 +63,7 @@ def observe(sim: Simulation) -> dict[str, Any]:
 
 
 def judge(run: Run) -> list[Measure]:
-    """Whether the blob settled where it was."""
+    """Judge that the blob settled, and where it was."""
     kinetic = run.series("kinetic")
     last = run.seen[-1]
     return [
@@ -75,16 +76,11 @@ def judge(run: Run) -> list[Measure]:
 
 
 def chart(run: Run) -> Chart:
-    """The radius in time."""
+    """Draw the radius over time."""
     size = run.series("radius")
-    return Chart(
-        "time [s]",
-        "radius [m]",
-        [
-            Curve("simulated", run.times, size),
-            Curve("at the start", run.times[[0, -1]], size[[0, 0]], reference=True),
-        ],
-    )
+    simulated = Curve("simulated", run.times, size)
+    start = Curve("at the start", run.times[[0, -1]], size[[0, 0]], reference=True)
+    return Chart("time [s]", "radius [m]", [simulated, start])
 
 
 REFERENCE = Reference(
@@ -95,4 +91,24 @@ REFERENCE = Reference(
     judge=judge,
     chart=chart,
     resolutions=({"dx": 0.025}, {"dx": 0.0125}),
+)
+
+
+def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
+    """Return the arguments of a blob, except dx [m]."""
+    return {
+        "diameter": rng.uniform(12, 22) * dx,
+        "jitter": rng.uniform(0.02, 0.08),
+        "seed": int(rng.integers(2**31)),
+    }
+
+
+FAMILY = FlowFamily(
+    "relaxation",
+    dx=0.03,
+    seed=6,
+    draw=draw,
+    odd=("jitter", 0.1, 0.15),
+    diagnostic="the blob is at rest: the energy of its jitter depends on the stiffness",
+    headroom=1.555,
 )

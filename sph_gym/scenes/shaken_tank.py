@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from sph_gym.scenes import waves
+from sph_gym.scenes.shared import waves
+from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.gravity import RecordedGravity
@@ -59,3 +60,26 @@ def shaken_tank(
         duration=(shakes + rest) * period,
         frame=period / FRAMES_PER_PERIOD,
     )
+
+
+def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
+    """Return the arguments of a shallow tank that is shaken for a period or less, except dx [m]."""
+    return {
+        "length": rng.uniform(55, 75) * dx,
+        "fill": rng.uniform(4, 6) * dx,
+        "strength": rng.uniform(0.6, 1.0),
+        "shakes": rng.uniform(0.5, 1.0),
+        "rest": rng.uniform(2.0, 3.0),
+        "gravity": rng.uniform(*GRAVITY),
+    }
+
+
+FAMILY = FlowFamily(
+    "shaken_tank",
+    environment="sloshing",
+    dx=0.025,
+    seed=7,
+    draw=draw,
+    odd=STRONG_GRAVITY,
+    headroom=1.56,
+)

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.scenes import tanks, waves
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared import tanks, waves
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
+from sph_gym.scenes.shared.refinement import Refinement
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.gravity import RollingTank
@@ -70,14 +71,14 @@ def sloshing(
 
 
 def theory(scene: Scene) -> waves.Rolling:
-    """Linear theory of this tank."""
+    """Return the linear theory of a scene's tank."""
     tank = scene.effects.field
     assert isinstance(tank, RollingTank)
     return waves.Rolling(*waves.basin(scene), tank.g, tank.amplitude, 2 * math.pi * tank.frequency)
 
 
 def error(sim: Simulation) -> float:
-    """Centre of mass off linear theory, in % of its shift at rest under the largest tilt.
+    """Return the centre of mass off linear theory, in % of its shift under the largest tilt.
 
     That theory knows nothing of rolls by several degrees, nor of breaking waves.
     """
@@ -88,17 +89,17 @@ def error(sim: Simulation) -> float:
 
 
 def observe(sim: Simulation) -> dict[str, Any]:
-    """Shift of the centre of mass [m], and what is asked of any tank."""
+    """Return the shift of the centre of mass [m], and `tanks.observe`."""
     return {"shift": waves.com_shift(sim), **tanks.observe(sim)}
 
 
 def is_small(linear: waves.Rolling) -> bool:
-    """Whether the roll is one for linear theory."""
+    """Return True if the roll is small enough for linear theory."""
     return math.degrees(linear.roll) < SMALL + 1e-9
 
 
 def judge(run: Run) -> list[Measure]:
-    """The response to the roll where it is small and off resonance; always what can't be."""
+    """Judge the response to a roll off resonance, and the tank."""
     scene, shift = run.sim.scene, run.series("shift")
     linear, natural = theory(scene), theory(scene).mode(1)[0]
     distance = abs(math.log(natural / linear.drive))
@@ -119,7 +120,7 @@ def judge(run: Run) -> list[Measure]:
 
 
 def chart(run: Run) -> Chart:
-    """The centre of mass over time, and what linear theory expects of small rolls."""
+    """Draw the centre of mass over time, and linear theory if the roll is small."""
     curves = [Curve("simulated", run.times, run.series("shift"))]
     linear = theory(run.sim.scene)
     if is_small(linear):
@@ -141,3 +142,10 @@ REFERENCE = Reference(
         {"dx": 0.0093},
     ),
 )
+
+REFINEMENT = Refinement(
+    "sloshing", "fill", (5, 7, 10), 7, "centre of mass, RMS", "of the RMS of linear theory",
+    "About first order with five to ten rows of water; theory is linear.",
+    arguments={"degrees": 1.0, "period_ratio": 2.0, "periods": 1.5},
+    order=0.8, others=({"degrees": 0.8}, {"degrees": 2.0}), widest=3.0,
+)  # fmt: skip

@@ -14,8 +14,8 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Floats
 from sph_gym.solver.walls import Walls
 
-# Share of dx: places that are no farther apart than this are as good as continuous. In a slow flow, at
-# a thousandth of the sound speed, a step is a few 1e-4 dx.
+# Share of dx: places that are no farther apart are as good as continuous. In a slow flow, at a
+# thousandth of the sound speed, a step is a few 1e-4 dx.
 FINE = 1e-5
 
 

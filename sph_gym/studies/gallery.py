@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.scenes.reference import Reference
+from sph_gym.scenes.shared.reference import Reference
 
 # Of M. Okabe and K. Ito, for colour-blind eyes; line styles tell resolutions in grey too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")

@@ -1,10 +1,12 @@
 """Why scenes are labelled as they are: what a study prints and writes after its table."""
 
+import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from sph_gym.env import SCENES, instances, labels
+from sph_gym.env import SCENES, instances
+from sph_gym.files import atomic_write
 from sph_gym.studies.table import Row
 
 # The rows of the study of headroom that labels are made of.
@@ -14,7 +16,7 @@ GAIN, NONE = "headroom over the best static", "no headroom: both within toleranc
 def explain(rows: Sequence[Row], path: Path) -> None:
     """Print why those scenes of the rows are no benchmarks that aren't.
 
-    Where rows tell of headroom, also write the table of `sph_gym.env.labels` next to `path`.
+    Where rows tell of headroom, also write them as a table next to `path`.
     """
     shown = {row.case.split(",")[0].split("/")[0] for row in rows}
     for scene, reason in instances.DIAGNOSTIC.items():
@@ -23,8 +25,8 @@ def explain(rows: Sequence[Row], path: Path) -> None:
     found = headrooms(rows)
     if found:
         table = path.with_name(f"{path.stem}_labels.csv")
-        labels.write(found, table)
-        print(f"labels: {table}; the pages of environments show its copy {labels.HEADROOM}")
+        write(found, table)
+        print(f"labels: {table}; the pages of environments show those of FAMILY in sph_gym/scenes")
 
 
 def headrooms(rows: Sequence[Row]) -> list[tuple[str, float | None, str]]:
@@ -36,3 +38,12 @@ def headrooms(rows: Sequence[Row]) -> list[tuple[str, float | None, str]]:
             known = row.quantity == GAIN and math.isfinite(row.value)
             found[scene] = (row.value if known else None, label)
     return [(scene, *told) for scene, told in found.items()]
+
+
+def write(found: Sequence[tuple[str, float | None, str]], path: Path) -> None:
+    """Write scenes, headrooms and labels as a table."""
+    with atomic_write(path) as draft, draft.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(("scene", "headroom", "label"))
+        for scene, gain, label in found:
+            writer.writerow([scene, "" if gain is None else f"{gain:.4g}", label])

@@ -21,7 +21,7 @@ from gymnasium import spaces
 
 from sph_gym import scenes
 from sph_gym.env import SCENES, env_id
-from sph_gym.env.draws import FAMILIES
+from sph_gym.env.distributions import FAMILIES
 from sph_gym.solver.failure import CAUSES
 from sph_gym.solver.scene import Scene
 from sph_gym.studies.episodes import kept

@@ -20,7 +20,7 @@ import numpy as np
 
 import sph_gym
 from sph_gym import scenes
-from sph_gym.scenes.reference import Chart, Curve, Measure
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure
 from sph_gym.solver.checks import known
 from sph_gym.solver.jit import source_hash
 from sph_gym.solver.simulation import Simulation

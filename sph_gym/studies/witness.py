@@ -73,7 +73,7 @@ class Witness:
     def before(self) -> None:
         """Remember the state that a step sets out from."""
         self._time = self._env.sim.time
-        back = self._env.settings.rules.rollbacks > 0
+        back = self._env.rules.rollbacks > 0
         self._snapshot = self._env.sim.snapshot() if back else None
 
     def after(
@@ -109,7 +109,7 @@ class Witness:
     def _follow(self, terminated: bool, truncated: bool, info: dict[str, Any]) -> None:
         env, sim = self._env, self._env.sim
         blowup, frame = info["blowup"] == 1.0, env.episode.scene.frame
-        most = env.settings.rules.rollbacks
+        most = env.rules.rollbacks
         back = blowup and self._in_a_row < most
         self._demand(BLOWUP, blowup == (info["blowup_cause"] in CAUSES), info)
         self._demand(BLOWUP, blowup == (info["time_to_failure"] >= 0), info)

@@ -8,7 +8,7 @@ from agents.policies import Spec, build
 from sph_gym import scenes
 from sph_gym.env import manifest
 from sph_gym.env.dataset import record
-from sph_gym.env.reference import fingerprint
+from sph_gym.env.fingerprint import fingerprint
 from sph_gym.env.rewards import TERMS
 
 minari = pytest.importorskip("minari")

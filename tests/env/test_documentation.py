@@ -8,14 +8,21 @@ import pytest
 
 import sph_gym
 from sph_gym.__main__ import main
-from sph_gym.env import actions, documentation, instances, labels, registration, rewards
+from sph_gym.env import actions, documentation, instances, registration, rewards
+from sph_gym.env.distributions import FAMILIES
 from sph_gym.env.documentation.markdown import listed, table
 from sph_gym.env.episode import INFO
 from sph_gym.env.identity import Identity
+from sph_gym.env.rules import Rules
 from sph_gym.env.vector import TuningVectorEnv
 
 IDS = documentation.ids()
 PAGES = {id_: documentation.page(id_) for id_ in IDS}
+SECTIONS = [
+    "Description", "Action Space", "What the agent may and may not change", "Observation Space",
+    "Rewards", "Starting State", "Episode End", "Information", "Arguments",
+    "Vectorized environment", "Version History",
+]  # fmt: skip
 each_page = pytest.mark.parametrize("id_", IDS)
 
 
@@ -37,15 +44,17 @@ def under(text, heading):
     return rows(found[1]) if found else []
 
 
-def arguments(kind):
-    found = inspect.signature(kind).parameters.values()
+def arguments(*kinds):
+    found = [one for kind in kinds for one in inspect.signature(kind).parameters.values()]
     return {one.name for one in found if one.kind is not one.VAR_KEYWORD}
 
 
 def test_every_registered_id_has_a_page():
     assert set(IDS) == {id_ for id_ in gym.registry if id_.startswith("sph_gym/")}
     assert all(f"`{id_}`" in documentation.index() for id_ in IDS)
-    assert all(len(section(id_, title)) > 10 for id_ in IDS for title in documentation.SECTIONS)
+    assert all(re.findall("^## (.*)$", page, re.M) == SECTIONS for page in PAGES.values())
+    assert all(len(section(id_, title)) > 10 for id_ in IDS for title in SECTIONS)
+    assert not any("$" in page or "\n\n\n" in page for page in PAGES.values())
 
 
 @each_page
@@ -64,7 +73,7 @@ def test_the_tables_have_the_rows_of_the_spaces(id_):
 def test_choices_and_channels_are_those_of_the_variants(id_):
     given = {"scene": sph_gym.scenes.make("drop_impact", dx=0.06)} if "Custom" in id_ else {}
     env = gym.make(id_, action_mode="discrete", observation="field", **given).unwrapped
-    act = env.settings.rules.actions.act
+    act = env.rules.actions.act
     told = [[float(cell) for cell in row] for row in
             under(section(id_, "Action Space"), "Discrete action")]  # fmt: skip
     assert told == [[k, *act(k, np.zeros(3))] for k in range(env.action_space.n)]
@@ -89,10 +98,10 @@ def test_labels_are_told_with_their_reasons(id_):
     for scene, (label, reason, headroom) in told.items():
         game = scene not in instances.DIAGNOSTIC
         assert label.split(",")[0] == ("benchmark" if game else "diagnostic")
-        assert label == labels.label(scene)
+        assert label == FAMILIES[scene].label
         assert reason == (instances.BENCHMARK if game else instances.DIAGNOSTIC[scene])
-        assert headroom == labels.headroom(scene)
-    assert all(f"- *{name}*:" in PAGES[id_] for name in labels.MEANINGS) == bool(told)
+        assert headroom == FAMILIES[scene].gain
+    assert all(f"- *{kind}*:" in PAGES[id_] for kind in ("benchmark", "diagnostic")) == bool(told)
 
 
 def test_the_readme_has_the_labels_of_the_pages():
@@ -133,7 +142,7 @@ def test_vector_rewards_are_made_without_a_warning(id_):
 @each_page
 def test_the_arguments_are_those_of_the_constructors(id_):
     shown = {row[0].strip("`"): row for row in rows(section(id_, "Arguments"))}
-    assert set(shown) == arguments(sph_gym.TuningEnv)
+    assert set(shown) == arguments(sph_gym.TuningEnv, Rules)
     assert shown["scene"][1] == f"`{gym.spec(id_).kwargs.get('scene')!r}`"
     assert all(f'"{split}"' in shown["instances"][2] for split in instances.SIZES)
     vector = {row[0].strip("`") for row in rows(section(id_, "Vectorized environment"))}

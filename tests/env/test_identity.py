@@ -9,9 +9,9 @@ import pytest
 import sph_gym
 from sph_gym import scenes
 from sph_gym.env import SCENES, instances, manifest
-from sph_gym.env.draws import FAMILIES, SHIFTS, draw
+from sph_gym.env.distributions import FAMILIES, SHIFTS, draw
+from sph_gym.env.fingerprint import fingerprint
 from sph_gym.env.identity import identify
-from sph_gym.env.reference import fingerprint
 from sph_gym.env.vector import TuningVectorEnv
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sph_gym.env import SCENES, instances
-from sph_gym.env.draws import FAMILIES
+from sph_gym.env.distributions import FAMILIES
 
 
 @pytest.mark.parametrize("scene", SCENES)

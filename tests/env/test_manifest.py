@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from sph_gym.__main__ import main
-from sph_gym.env import SCENES, instances, manifest, preparation
+from sph_gym.env import SCENES, build_manifests, instances, manifest
 from sph_gym.env import reference as references
-from sph_gym.env.draws import FAMILIES, draw
+from sph_gym.env.distributions import FAMILIES, draw
+from sph_gym.env.fingerprint import fingerprint
 
 IDS = [
     f"{scene}/{split}/{number}"
@@ -36,7 +37,7 @@ def test_ids_mean_what_was_drawn_and_their_references_belong_to_it(id_):
     entry = manifest.entry(id_)
     assert entry.drawn == draw(scene, split, int(number), FAMILIES[scene].dx)
     built = instances.parse(id_).build()
-    assert references.fingerprint(built) == entry.fingerprint
+    assert fingerprint(built) == entry.fingerprint
     stored = references._shipped(built, id_)
     assert len(stored.fine.kinetic) == references.n_frames(built) + 1
     assert stored.spread.shape == (references.n_frames(built) + 1, 4)
@@ -96,14 +97,14 @@ def test_shipped_references_are_what_their_flows_do(scene, which):
 
 
 def test_the_sources_of_references_are_told():
-    assert len(references.sources()) == 16
+    assert len(references.sources()) == 20
     for scene in SCENES:
-        assert len(manifest.load(scene).sources) in (0, 16)
+        assert len(manifest.load(scene).sources) in (0, 16, 20)
 
 
 def test_preparing_writes_what_is_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(preparation, "SIZES", {"nominal": 1, "val": 2})
-    preparation.prepare(["relaxation"], tmp_path)
+    monkeypatch.setattr(build_manifests, "SIZES", {"nominal": 1, "val": 2})
+    build_manifests.prepare(["relaxation"], tmp_path)
     made = manifest.load("relaxation", tmp_path)
     assert list(made.entries) == ["relaxation/nominal/0", "relaxation/val/0", "relaxation/val/1"]
     id_ = "relaxation/val/1"
@@ -164,14 +165,14 @@ def test_no_change_goes_unseen(folder, change, monkeypatch):
 
 
 def test_ids_of_a_version_are_not_given_another_meaning(folder, monkeypatch, capsys):
-    monkeypatch.setattr(preparation, "SIZES", {"nominal": 1})
-    monkeypatch.setattr(preparation, "_reference", lambda id_, flow: pytest.fail("too late"))
+    monkeypatch.setattr(build_manifests, "SIZES", {"nominal": 1})
+    monkeypatch.setattr(build_manifests, "_reference", lambda id_, flow: pytest.fail("too late"))
     edit(folder, '{"dx": 0.03}', '{"dx": 0.05}')
     command = ["manifest", "--scenes", "relaxation", "--output", str(folder)]
     assert main(command) == 2
     assert "relaxation/nominal/0 means another flow in v0" in capsys.readouterr().err
     reference = references.as_arrays(references.reference(instances.parse(IDS[0]).build(), IDS[0]))
-    monkeypatch.setattr(preparation, "_reference", lambda id_, flow: reference)
+    monkeypatch.setattr(build_manifests, "_reference", lambda id_, flow: reference)
     assert main([*command, "--redefine"]) == 0
     made = manifest.load("relaxation", folder)
     assert made.entries == {"relaxation/nominal/0": manifest.entry("relaxation/nominal/0")}
@@ -179,7 +180,7 @@ def test_ids_of_a_version_are_not_given_another_meaning(folder, monkeypatch, cap
 
 def test_a_scene_that_does_not_exist_is_refused(tmp_path):
     with pytest.raises(ValueError, match="scenes"):
-        preparation.prepare(["lake"], tmp_path)
+        build_manifests.prepare(["lake"], tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from sph_gym import scenes
 from sph_gym.env import rewards
-from sph_gym.env.reference import WINDOW, Observables, Reference, spread
+from sph_gym.env.reference import WINDOW, Observables, ReferenceRun, spread
 from sph_gym.env.rewards import Errors, Judge, Tolerances
 
 SCENE = scenes.make("relaxation", dx=0.05)
@@ -22,7 +22,7 @@ def run(com=0.0, kinetic=1.0):
 
 
 def judge(*twins):
-    return Judge(Reference(run(), spread(run(), twins), 5.0), SCENE, 1e-9, Tolerances())
+    return Judge(ReferenceRun(run(), spread(run(), twins), 5.0), SCENE, 1e-9, Tolerances())
 
 
 def numbers(**changes):
@@ -84,7 +84,7 @@ def test_the_spread_of_equally_fine_references_widens_the_tolerance():
 
 def test_clumping_counts_only_beyond_the_reference():
     lumpy = run()._replace(clumping=np.full(N + 1, 0.3))
-    watch = Judge(Reference(lumpy, spread(lumpy, ()), 5.0), SCENE, 1e-9, Tolerances())
+    watch = Judge(ReferenceRun(lumpy, spread(lumpy, ()), 5.0), SCENE, 1e-9, Tolerances())
     assert watch.errors(1, numbers(clumping=0.3)).clumping == 0.0
     assert watch.errors(2, numbers(clumping=0.45)).clumping == pytest.approx(1.0)
 

@@ -4,8 +4,8 @@ import pytest
 from sph_gym import Simulation
 from sph_gym.scenes import couette as c
 from sph_gym.scenes import poiseuille as p
-from sph_gym.scenes.channel import height_of, tau
-from sph_gym.scenes.reference import Run, read
+from sph_gym.scenes.shared.channel import height_of, tau
+from sph_gym.scenes.shared.reference import Run, read
 from tests.scenes.planted import planted
 
 FLOWS = {"poiseuille": (p, p.poiseuille), "couette": (c, c.couette)}
@@ -49,9 +49,9 @@ def test_the_error_is_that_of_the_state(name):
     v = np.zeros((len(y), 2))
     v[:, 0] = 0.5 * module.velocity(y, 0.1)
     time = 0.1 * 2.0**2 / nu
-    assert module.error(planted(scene, v, time)) == pytest.approx(0.0, abs=1e-9)
+    assert module.REFERENCE.error(planted(scene, v, time)) == pytest.approx(0.0, abs=1e-9)
     v[7, 0] += 0.01
-    assert module.error(planted(scene, v, time)) == pytest.approx(2.0, abs=1e-9)
+    assert module.REFERENCE.error(planted(scene, v, time)) == pytest.approx(2.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", FLOWS)

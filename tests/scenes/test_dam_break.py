@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation
-from sph_gym.scenes import martin_moyce, shallow, tanks
-from sph_gym.scenes.dam_break import REFERENCE, dam_break, error, front, front_error
+from sph_gym.scenes.dam_break import REFERENCE, dam_break, error
 from sph_gym.scenes.drop_impact import REFERENCE as DROP
 from sph_gym.scenes.drop_impact import centre, drop_impact, fall
 from sph_gym.scenes.drop_impact import error as drop_error
-from sph_gym.scenes.reference import Run, read
+from sph_gym.scenes.shared import martin_moyce, shallow, tanks
+from sph_gym.scenes.shared.martin_moyce import front, front_error
+from sph_gym.scenes.shared.reference import Run, read
 from sph_gym.solver.geometry import lattice, tank_particles
 
 WET = {"dx": 0.02, "width": 0.8, "height": 0.2, "tank": 4.0, "wet_bed": 0.1}

@@ -12,9 +12,9 @@ from sph_gym.scenes import elliptical_drop as e
 from sph_gym.scenes import oscillating_drop as o
 from sph_gym.scenes.droplet import droplet
 from sph_gym.scenes.elliptical_drop import elliptical_drop
-from sph_gym.scenes.free_bodies import ellipse, semi_axes
 from sph_gym.scenes.oscillating_drop import oscillating_drop
-from sph_gym.scenes.reference import Run, read
+from sph_gym.scenes.shared.free_bodies import ellipse, semi_axes
+from sph_gym.scenes.shared.reference import Run, read
 from tests.scenes.planted import planted
 
 

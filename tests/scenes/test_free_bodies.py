@@ -9,16 +9,16 @@ import pytest
 from sph_gym import Simulation
 from sph_gym.scenes import colliding_patches as c
 from sph_gym.scenes import drop_impact as i
-from sph_gym.scenes import free_bodies
 from sph_gym.scenes import perturbed_lattice as pl
 from sph_gym.scenes import relaxation as rx
 from sph_gym.scenes import rotating_square as r
 from sph_gym.scenes.colliding_patches import colliding_patches
 from sph_gym.scenes.drop_impact import drop_impact
 from sph_gym.scenes.perturbed_lattice import perturbed_lattice
-from sph_gym.scenes.reference import Run
 from sph_gym.scenes.relaxation import relaxation
 from sph_gym.scenes.rotating_square import rotating_square
+from sph_gym.scenes.shared import free_bodies
+from sph_gym.scenes.shared.reference import Run
 from tests.scenes.planted import planted
 
 

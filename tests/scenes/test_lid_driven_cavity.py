@@ -4,7 +4,7 @@ import pytest
 from sph_gym import Simulation
 from sph_gym.scenes import lid_driven_cavity as cavity
 from sph_gym.scenes.lid_driven_cavity import REFERENCE, TABLES, lid_driven_cavity
-from sph_gym.scenes.reference import read
+from sph_gym.scenes.shared.reference import read
 from tests.scenes.planted import planted
 
 

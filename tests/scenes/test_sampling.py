@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from sph_gym.scenes import sampling
 from sph_gym.scenes.couette import couette
 from sph_gym.scenes.lid_driven_cavity import lid_driven_cavity
-from sph_gym.scenes.sampling import interpolate
+from sph_gym.scenes.shared import sampling
+from sph_gym.scenes.shared.sampling import interpolate
 from tests.scenes.planted import planted
 
 

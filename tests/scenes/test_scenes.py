@@ -1,8 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sph_gym import Simulation, scenes
-from sph_gym.scenes.reference import read
+from sph_gym.env import SCENES
+from sph_gym.scenes.shared import refinement
+from sph_gym.scenes.shared.reference import read
+
+FAMILIES = [family for family in map(scenes.family, scenes.names()) if family is not None]
 
 
 @pytest.mark.parametrize("name", scenes.names())
@@ -73,3 +79,60 @@ def test_wrong_values_are_named(name, arguments):
     (argument,) = arguments
     with pytest.raises(ValueError, match=f"{argument}: expected"):
         scenes.make(name, **arguments)
+
+
+def test_a_module_is_a_scene_without_being_listed(tmp_path, monkeypatch):
+    text = "def puddle(dx: float = 0.1):\n    return dx\n"
+    (tmp_path / "puddle.py").write_text(text)
+    monkeypatch.setattr(scenes, "__path__", [*scenes.__path__, str(tmp_path)])
+    before = scenes.names()
+    scenes._found.cache_clear()
+    try:
+        assert scenes.names() == [*before, "puddle"]
+        assert scenes.make("puddle", dx=0.2) == 0.2
+        assert scenes.family("puddle") is scenes.reference("puddle") is None
+    finally:
+        monkeypatch.undo()
+        scenes._found.cache_clear()
+    assert scenes.names() == before
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
+def test_a_family_draws_arguments_of_its_scene(family):
+    assert scenes.family(family.scene) is family
+    arguments = family.draw(np.random.default_rng(0), family.dx)
+    assert {*arguments, family.odd[0]} <= set(scenes.parameters(family.scene)) - {"dx"}
+    made = scenes.make(family.scene, dx=family.dx, **arguments)
+    assert 100 < len(np.asarray(made.x)) < 1000
+
+
+def test_families_are_those_of_the_environments_and_draw_by_their_own_seeds():
+    assert [family.name for family in FAMILIES] == list(SCENES)
+    assert len({family.seed for family in FAMILIES}) == len(FAMILIES)
+
+
+@pytest.mark.parametrize(
+    ("change", "label", "gain"),
+    [
+        ({"headroom": 2.345}, "benchmark", "2.35 times less work"),
+        ({"headroom": np.nan, "remark": "unknown headroom"}, "benchmark, unknown headroom",
+         "unknown: nowhere are both within tolerance"),
+        ({"headroom": None, "diagnostic": "at rest"}, "diagnostic", "not measured"),
+    ],
+)  # fmt: skip
+def test_a_family_tells_its_label_and_its_headroom(change, label, gain):
+    family = replace(scenes.family("drop_impact"), **change)
+    assert (family.label, family.gain) == (label, gain)
+
+
+@pytest.mark.parametrize("name", refinement.names())
+def test_a_refinement_series_is_of_the_module_and_of_its_reference(name):
+    series = refinement.refinement(name)
+    assert series.scene == name
+    assert series.length in scenes.parameters(name)
+    assert scenes.reference(name) is not None
+
+
+def test_scenes_without_a_refinement_series_are_refused():
+    with pytest.raises(ValueError, match="elliptical_drop, dam_break"):
+        refinement.refinement("relaxation")

@@ -3,7 +3,7 @@ import pytest
 
 from sph_gym import Simulation
 from sph_gym.scenes import taylor_green as tg
-from sph_gym.scenes.reference import Run
+from sph_gym.scenes.shared.reference import Run
 from sph_gym.scenes.taylor_green import REFERENCE, taylor_green
 from tests.scenes.planted import planted
 

@@ -3,7 +3,7 @@ import pytest
 
 from sph_gym import Simulation
 from sph_gym.scenes import water_jet as jet
-from sph_gym.scenes.reference import Run
+from sph_gym.scenes.shared.reference import Run
 from sph_gym.scenes.water_jet import REFERENCE, plate_pressure, water_jet
 from tests.scenes.planted import planted
 

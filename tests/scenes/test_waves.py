@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation
-from sph_gym.scenes import waves
-from sph_gym.scenes.shallow import depths
+from sph_gym.scenes.shared import waves
+from sph_gym.scenes.shared.shallow import depths
 from sph_gym.scenes.sloshing import REFERENCE as SLOSHING
 from sph_gym.scenes.sloshing import error as sloshing_error
 from sph_gym.scenes.sloshing import sloshing, theory

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, scenes
-from sph_gym.scenes.free_bodies import ellipse
-from sph_gym.scenes.reference import read
+from sph_gym.scenes.shared.free_bodies import ellipse
+from sph_gym.scenes.shared.reference import read
 from sph_gym.studies.accuracy import peer
 from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.accuracy.problems import problem

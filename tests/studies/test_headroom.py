@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from sph_gym import studies
-from sph_gym.env import labels
 from sph_gym.env.oracle import COARSE
 from sph_gym.studies import headroom
 from sph_gym.studies.episodes import Episode, Grid, best_static, kept, run
@@ -204,10 +203,11 @@ def test_labels_are_written_for_the_pages(tmp_path, monkeypatch):
     rows = [row for scene, each in found.items() for row in headroom.rows(scene, each)]
     monkeypatch.setitem(studies._STUDIES, "headroom", lambda quick, folder: rows)
     studies.run_study("headroom", folder=tmp_path)
-    told = labels.measured(tmp_path / "headroom_labels.csv")
-    assert told == {
-        "dam_break": (3.0, "benchmark"),
-        "sloshing": (1.49, "benchmark, small headroom"),
-        "long_fall": (None, "benchmark, unknown headroom"),
-        "relaxation": (None, "diagnostic"),
-    }
+    with (tmp_path / "headroom_labels.csv").open(newline="") as file:
+        written = [tuple(row.values()) for row in csv.DictReader(file)]
+    assert written == [
+        ("dam_break", "3", "benchmark"),
+        ("sloshing", "1.49", "benchmark, small headroom"),
+        ("long_fall", "", "benchmark, unknown headroom"),
+        ("relaxation", "", "diagnostic"),
+    ]

@@ -7,7 +7,7 @@ import pytest
 
 from sph_gym import Simulation, scenes
 from sph_gym.__main__ import main
-from sph_gym.scenes.reference import Chart, Curve, Measure, Reference
+from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference
 from sph_gym.studies import gallery, run_study, validation
 
 QUICKLY = {"diameter": 0.3, "jitter": 0.01}

@@ -2,7 +2,6 @@
 
 import inspect
 import re
-import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -10,30 +9,25 @@ import numpy as np
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A Markdown table; numbers in four digits."""
+    """Return a Markdown table; numbers in four digits."""
     lines = [headings, ["---"] * len(headings), *rows]
     return "\n".join("| " + " | ".join(map(cell, line)) + " |" for line in lines)
 
 
 def cell(value: Any) -> str:
-    """A cell of a table, in one line."""
+    """Return a cell of a table, in one line."""
     text = f"{value:.4g}" if isinstance(value, (float, np.floating)) else str(value)
     return " ".join(text.replace("|", r"\|").split())
 
 
 def listed(docstring: str | None) -> dict[str, str]:
-    """The entries "- `name`: meaning" of a docstring, each of any number of lines."""
+    """Return the entries "- `name`: meaning" of a docstring, each of any number of lines."""
     text = inspect.cleandoc(docstring or "")
     found = re.findall(r"^- `(\w+)`: (.*(?:\n  +\S.*)*)", text, re.MULTILINE)
     return {name: " ".join(meaning.split()) for name, meaning in found}
 
 
-def prose(text: str) -> str:
-    """Lines without the indentation that they have in the code."""
-    return textwrap.dedent(text).strip()
-
-
 def span(values: Sequence[float]) -> str:
-    """From the smallest to the largest."""
+    """Return the range from the smallest to the largest value."""
     low, high = min(values), max(values)
     return cell(low) if low == high else f"{cell(low)} to {cell(high)}"

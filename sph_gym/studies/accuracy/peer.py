@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.scenes.free_bodies import ellipse
-from sph_gym.scenes.martin_moyce import SHIFTS, front_error
+from sph_gym.scenes.shared.free_bodies import ellipse
+from sph_gym.scenes.shared.martin_moyce import SHIFTS, front_error
 from sph_gym.studies import store
 from sph_gym.studies.accuracy import fronts
 from sph_gym.studies.accuracy.luck import chance, sober

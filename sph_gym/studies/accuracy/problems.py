@@ -1,6 +1,6 @@
 """The refinement series under their former names."""
 
-from sph_gym.scenes.refinement import RMS, Refinement, names, refinement, share
+from sph_gym.scenes.shared.refinement import RMS, Refinement, names, refinement, share
 
 Problem = Refinement
 problem = refinement

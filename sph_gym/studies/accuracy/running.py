@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym import scenes
-from sph_gym.scenes.reference import Reference, Run
+from sph_gym.scenes.shared.reference import Reference, Run
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.studies.accuracy import policies
 from sph_gym.studies.accuracy.problems import RMS, Problem, share

@@ -7,7 +7,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from sph_gym.scenes import hydrostatic_tank, tanks
+from sph_gym.scenes import hydrostatic_tank
+from sph_gym.scenes.shared import tanks
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.studies.stability import checks
 from sph_gym.studies.stability.case import Case, Variant, held_by_box

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sph_gym import scenes
-from sph_gym.scenes import waves
+from sph_gym.scenes.shared import waves
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.gravity import ShakenGravity
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed

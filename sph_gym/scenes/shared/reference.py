@@ -1,4 +1,4 @@
-"""What a scene is measured against: tables that come with the package, and how to compare.
+"""References: tables that come with the package, and the comparison of a scene with them.
 
 A scene with a reference has a `REFERENCE` beside its builder: what is observed while it runs, the
 error of the present state, what is judged in the end, and a chart with the reference drawn in.
@@ -16,9 +16,9 @@ from sph_gym.solver.simulation import Simulation
 
 
 class Measure(NamedTuple):
-    """One result of a run: what, how much, in which unit, and at most how much it may be.
+    """One result of a run: quantity, value, unit and upper bound.
 
-    bound: None where nothing is demanded, as at resolutions that are too coarse for it.
+    bound: None where nothing is demanded, as at resolutions that are too coarse.
     """
 
     quantity: str
@@ -37,7 +37,7 @@ class Curve(NamedTuple):
 
 
 class Chart(NamedTuple):
-    """What to draw: labels with units, and curves."""
+    """Labels with units, and the curves to draw."""
 
     x_label: str
     y_label: str
@@ -56,20 +56,19 @@ class Run(NamedTuple):
     seen: list[dict[str, Any]]
 
     def series(self, name: str) -> NDArray[np.float64]:
-        """(n, ...) the observations of one kind."""
+        """Return the observations (n, ...) of one kind."""
         return np.array([moment[name] for moment in self.seen])
 
 
 @dataclass(frozen=True)
 class Reference:
-    """How a scene is compared with what should happen.
+    """Comparison of a scene with an exact, measured or conserved quantity.
 
-    source: of the reference. error: of the present state, in `unit`; nan where nothing is known of
-    it. observe: called at the start
-    and after every frame. judge: the measures of a whole run, the first being the error whose
-    order of convergence is of interest. chart: what to draw of a run, its reference included.
-    resolutions: arguments of the scene, coarse first. quick: how many of them are enough for a
-    first look.
+    source: of the reference. error: returns the error of the present state, in `unit`; nan where
+    it is unknown. observe: called at the start and after every frame. judge: returns the measures
+    of a whole run, the first being the error whose convergence order is of interest. chart:
+    returns the chart of a run, its reference included. resolutions: arguments of the scene, coarse
+    first. quick: how many of them are enough for a first look.
     """
 
     source: str
@@ -82,7 +81,7 @@ class Reference:
     quick: int = 1
 
     def run(self, sim: Simulation, look: Callable[[float], None] = lambda share: None) -> Run:
-        """Run a simulation to the end of its scene; look: told the share that is done.
+        """Run a simulation to the end of its scene; look: called with the share that is done.
 
         Raises RuntimeError if it blows up.
         """
@@ -102,7 +101,7 @@ class Reference:
 
 
 def read(name: str) -> NDArray[np.float64]:
-    """A table as (rows, columns); its source stands in the comments at the top of the file."""
+    """Return a table as (rows, columns); its source is in the comments on top of the file."""
     with (resources.files("sph_gym.scenes") / "data" / name).open() as file:
         _, *rows = (line for line in file if not line.startswith("#"))
     return np.loadtxt(rows, delimiter=",", ndmin=2)

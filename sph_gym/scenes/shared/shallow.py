@@ -1,4 +1,4 @@
-"""Shallow water: a dam that breaks over a wet bed, and depths of what a simulation shows."""
+"""Shallow water: a dam that breaks over a wet bed, and the depths in a simulation."""
 
 import math
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from sph_gym.solver.simulation import Simulation
 
 
 class Stoker(NamedTuple):
-    """Behind the bore that a broken dam sends over a wet bed: depth [m], speed [m/s]; and its own.
+    """Plateau behind the bore over a wet bed: depth [m] and speed [m/s]; and the bore's speed.
 
     The plateau's water has come through a rarefaction (u + 2 c is kept) and through the bore,
     which moves at `bore` [m/s] (mass and momentum are kept). Source: Stoker 1957, section 10.8.
@@ -22,7 +22,7 @@ class Stoker(NamedTuple):
 
 
 def stoker(behind: float, ahead: float, gravity: float) -> Stoker:
-    """The plateau between still water of depth `behind` and `ahead` [m], behind > ahead > 0."""
+    """Return the plateau between still water of depths [m], behind > ahead > 0."""
 
     def through_bore(depth: float) -> float:
         return (depth - ahead) * math.sqrt(gravity / 2 * (depth + ahead) / (depth * ahead))
@@ -42,7 +42,7 @@ def stoker(behind: float, ahead: float, gravity: float) -> Stoker:
 
 
 def depths(sim: Simulation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n,) middles of columns as wide as the support radius [m] and the depth of the water there.
+    """Return middles (n,) of columns as wide as h [m], and the depths (n,) of the water there [m].
 
     By the volume of its particles, so that spray counts for no more than it is.
     """
@@ -53,7 +53,7 @@ def depths(sim: Simulation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def bore(sim: Simulation, depth: float) -> float:
-    """How far to the right the water is deeper than `depth` [m]; interpolated between columns."""
+    """Return the rightmost place [m] where the water is deeper than `depth`, interpolated."""
     x, found = depths(sim)
     deep = np.flatnonzero(found > depth)
     if len(deep) == 0:
@@ -68,7 +68,7 @@ def bore(sim: Simulation, depth: float) -> float:
 def bore_speed(
     times: NDArray[np.float64], places: NDArray[np.float64], dam: float, wall: float
 ) -> float:
-    """Of a bore [m/s], from a tenth of the way from the dam to the wall to half of it.
+    """Return the speed of a bore [m/s] between a tenth and half of the way from dam to wall.
 
     times, places: (n,) [s] and [m]; dam, wall: [m]. Before, water still falls; later, the
     friction of the floor tells. nan if the bore was hardly seen there.

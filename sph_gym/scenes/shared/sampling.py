@@ -1,4 +1,4 @@
-"""What a particle solver has at places where no particle is."""
+"""Velocities of a particle solver at places where no particle is."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,10 @@ CHUNK = 1_000_000
 
 
 def interpolate(sim: Simulation, points: ArrayLike, walls: bool = True) -> NDArray[np.float64]:
-    """Velocities (n, 2) [m/s] at points (n, 2) [m]: means of those within h, weighted by nearness.
+    """Return velocities (n, 2) [m/s] at points (n, 2) [m]: weighted means of those within h.
 
-    walls: whether boundary particles count, with the velocity of the wall. NaN where nobody is
-    within h. Weights: Wendland C2 with the scene's support radius, whatever the scene's kernel,
+    walls: whether boundary particles count, with the velocity of the wall. NaN where no particle
+    is within h. Weights: Wendland C2 with the scene's support radius, whatever the scene's kernel,
     since their sum is divided out. Source: Shepard 1968.
     """
     points = finite_array("points", points, ("n", 2))
@@ -35,7 +35,7 @@ def interpolate(sim: Simulation, points: ArrayLike, walls: bool = True) -> NDArr
 def _weights(
     sim: Simulation, points: NDArray[np.float64], x: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(n_points, n_particles), through the periodic ends where there are any."""
+    """Return weights (n_points, n_particles), through the periodic ends where there are any."""
     walls = sim.scene.walls
     ends = (None, None) if walls is None else (walls.period_x, walls.period_y)
     d = [points[:, None, axis] - x[:, axis] for axis in (0, 1)]

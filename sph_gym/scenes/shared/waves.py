@@ -1,4 +1,4 @@
-"""Linear theory of waves in a rectangular tank, and what it needs to be told of a simulation."""
+"""Linear theory of waves in a rectangular tank, and its quantities in a simulation."""
 
 import math
 from itertools import product
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.scenes.tanks import box
+from sph_gym.scenes.shared.tanks import box
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 
@@ -18,7 +18,7 @@ MODES = 9
 
 
 def frequency(mode: int, length: float, depth: float, gravity: float) -> float:
-    """omega [1/s] of the n-th free wave of a tank: omega^2 = g k tanh(k H), k = n pi / L.
+    """Return omega [1/s] of the n-th free wave of a tank: omega^2 = g k tanh(k H), k = n pi / L.
 
     length, depth: [m]; gravity [m/s^2]. Source: Lamb 1932, article 228.
     """
@@ -27,14 +27,14 @@ def frequency(mode: int, length: float, depth: float, gravity: float) -> float:
 
 
 def basin(scene: Scene) -> tuple[float, float]:
-    """Length of a scene's tank and depth of its water at rest [m]."""
+    """Return the length of a scene's tank and the depth of its water at rest [m]."""
     left, right, *_ = box(scene)
     length = right - left
     return length, len(np.asarray(scene.x)) * scene.dx**2 / length
 
 
 def shift(mode: int, length: float, depth: float) -> float:
-    """How far the centre of mass moves to the right per elevation of an odd mode [1].
+    """Return the shift of the centre of mass to the right per elevation of an odd mode [1].
 
     An elevation a cos(k x) above the left wall shifts it by -2 a / (k^2 L H).
     """
@@ -43,14 +43,14 @@ def shift(mode: int, length: float, depth: float) -> float:
 
 
 def crossings(times: Array, values: Array) -> Array:
-    """The times [s] at which a signal changes its sign, by linear interpolation."""
+    """Return the times [s] at which a signal changes its sign, by linear interpolation."""
     at = np.flatnonzero(values[:-1] * values[1:] < 0)
     step = (times[at + 1] - times[at]) / (values[at + 1] - values[at])
     return times[at] - values[at] * step
 
 
 def ring(times: Array, values: Array) -> tuple[float, float]:
-    """omega [1/s] and decay rate [1/s] of a decaying oscillation about zero.
+    """Return omega [1/s] and decay rate [1/s] of a decaying oscillation about zero.
 
     From its zeros and from the peaks between them; nan where there are fewer than three zeros.
     """
@@ -65,7 +65,7 @@ def ring(times: Array, values: Array) -> tuple[float, float]:
 
 
 def com_shift(sim: Simulation) -> float:
-    """How far the centre of mass is to the right of the tank's middle [m]."""
+    """Return the shift of the centre of mass to the right of the tank's middle [m]."""
     left, right, *_ = box(sim.scene)
     return sim.diagnostics()["com_x"] - (left + right) / 2
 
@@ -83,7 +83,7 @@ class Rolling(NamedTuple):
     drive: float
 
     def mode(self, n: int) -> tuple[float, float]:
-        """omega [1/s] and F [m/s^2] of an odd mode: a'' + omega^2 a = F sin(drive t).
+        """Return omega [1/s] and F [m/s^2] of an odd mode: a'' + omega^2 a = F sin(drive t).
 
         Laplace's equation in the turning tank, projected on cos(k x) cosh(k y), which gives
         F = 2/L (2 omega^2 / k^2 + B drive^2) roll,
@@ -99,12 +99,12 @@ class Rolling(NamedTuple):
         return omega, 2 / self.length * self.roll * force
 
     def _modes(self) -> list[tuple[float, float]]:
-        """omega of the odd modes, and F times the shift that their elevation makes [m/s^2]."""
+        """Return omega of the odd modes, and F times the shift by their elevation [m/s^2]."""
         modes = ((n, *self.mode(n)) for n in range(1, MODES + 1, 2))
         return [(omega, force * shift(n, self.length, self.depth)) for n, omega, force in modes]
 
     def shift(self, times: Any) -> Array:
-        """How far the centre of mass is to the right of the tank's middle [m]; times: [s].
+        """Return the shift of the centre of mass to the right of the middle [m] at times [s].
 
         From rest in the tank, the free waves included that the start of the roll makes.
         """
@@ -120,13 +120,13 @@ class Rolling(NamedTuple):
         return total
 
     def response(self) -> float:
-        """Amplitude with which the centre of mass follows the roll in the long run [m]."""
+        """Return the amplitude of the centre of mass in the long run [m], in step with the roll."""
         return sum(force / (omega**2 - self.drive**2) for omega, force in self._modes())
 
     def fit(self, times: Array, shift: Array) -> tuple[float, float]:
-        """From a run: the amplitude in step with the roll [m], and omega [1/s] of the free wave.
+        """Return the amplitude in step with the roll [m] and omega [1/s] of the free wave in a run.
 
-        The frequency and the decay [1/s] of that wave are those whose least squares leave least.
+        Frequency and decay [1/s] of that wave by least squares on a grid that is refined once.
         """
         best, width = (math.inf, math.nan, self.mode(1)[0]), 0.15
         for _ in range(2):

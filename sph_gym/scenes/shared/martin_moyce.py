@@ -6,19 +6,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.scenes import tanks
-from sph_gym.scenes.reference import Curve, Measure, Run, read
+from sph_gym.scenes.shared import tanks
+from sph_gym.scenes.shared.reference import Curve, Measure, Run, read
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 
-# Of simulated T, for the gate of the experiment needed time to open.
+# Shifts of simulated T: the gate of the experiment needed time to open.
 SHIFTS = np.linspace(0.0, 0.4, 81)
-# The front is compared up to this T, and has then come so many widths far.
+# The front is compared up to this T, when it has come this many widths far.
 LAST, FARTHEST = 3.3, 4.5
 
 
 class Column(NamedTuple):
-    """The water at the start [m]: width and height of the column, depth of the bed ahead of it."""
+    """Water at the start [m]: width and height of the column, depth of the bed ahead of it."""
 
     width: float
     height: float
@@ -26,7 +26,7 @@ class Column(NamedTuple):
 
 
 def column(scene: Scene) -> Column:
-    """The column of a scene at its start."""
+    """Return the column of a scene at its start."""
     (x, y), edge = np.asarray(scene.x).T, scene.dx / 2
     height = float(y.max()) + edge
     width = float(x[y > height - scene.dx].max()) + edge
@@ -34,7 +34,7 @@ def column(scene: Scene) -> Column:
 
 
 def has_obstacle(scene: Scene) -> bool:
-    """Whether a block stands on the floor."""
+    """Return True if a block stands on the floor."""
     left, right, floor, _ = tanks.box(scene)
     assert scene.walls is not None
     x, y = np.asarray(scene.walls.particles).T
@@ -42,25 +42,25 @@ def has_obstacle(scene: Scene) -> bool:
 
 
 def measured(scene: Scene) -> bool:
-    """Whether there are measurements: a column twice as high as wide, on a dry, empty floor."""
+    """Return True for a column that was measured: twice as high as wide, on a dry, empty floor."""
     water = column(scene)
     free = tanks.box(scene)[1] > FARTHEST * water.width and not has_obstacle(scene)
     return free and water.wet_bed == 0 and abs(water.height / water.width - 2) < 0.1
 
 
 def front(sim: Simulation) -> float:
-    """Position of the surge front [m]: the foremost fluid particle's edge."""
+    """Return the position of the surge front [m]: the foremost fluid particle's edge."""
     return float(sim.x[: sim.n_fluid, 0].max()) + sim.scene.dx / 2
 
 
 def left_height(sim: Simulation) -> float:
-    """Height of the water at the left wall [m]: the edge of its highest particle there."""
+    """Return the height of the water at the left wall [m]: its highest particle's edge."""
     x, y = sim.x[: sim.n_fluid].astype(float).T
     return float(y[x < sim.scene.h].max(initial=-sim.scene.dx / 2)) + sim.scene.dx / 2
 
 
 def front_error(history: NDArray[np.float64], shift: float = 0.0) -> float:
-    """RMS over the measured points up to T = 3.3 of (simulated - measured) / measured position.
+    """Return the RMS of (simulated - measured) / measured position up to T = 3.3.
 
     history: (n, 2) T = t sqrt(2 g / width) and front / width; shift: added to the simulated time,
     since the gate of the experiment needed time to open. Source: table 2, n^2 = 2.
@@ -72,7 +72,7 @@ def front_error(history: NDArray[np.float64], shift: float = 0.0) -> float:
 
 
 def height_error(history: NDArray[np.float64]) -> float:
-    """RMS over the measured points of simulated - measured height, of the initial one.
+    """Return the RMS over the measured points of simulated - measured height [initial height].
 
     history: (n, 2) tau = t sqrt(g / width) and height at the left wall / initial height.
     Source: table 6, n^2 = 2.
@@ -84,7 +84,7 @@ def height_error(history: NDArray[np.float64]) -> float:
 
 
 def present_error(sim: Simulation) -> float:
-    """Front off the measured one now, as a share of the latter; nan where that is unknown."""
+    """Return the front off the measured one now, as a share of that; nan where it is unknown."""
     table, width = read("martin_moyce_1952_front_n2_2.csv"), column(sim.scene).width
     gravity = -float(sim.scene.effects.gravity_at(sim.time)[1])
     moment = sim.time * math.sqrt(2 * gravity / width)
@@ -94,7 +94,7 @@ def present_error(sim: Simulation) -> float:
 
 
 def histories(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n, 2) T and front / width; (n, 2) tau and height / initial height; as observed in a run."""
+    """Return (n, 2) T and front / width, and (n, 2) tau and height / initial height, of a run."""
     water, scene = column(run.sim.scene), run.sim.scene
     tau = run.times * math.sqrt(-float(scene.effects.gravity_at(0.0)[1]) / water.width)
     fronts, heights = run.series("front") / water.width, run.series("height") / water.height
@@ -102,7 +102,7 @@ def histories(run: Run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def judge(run: Run, fine: bool) -> list[Measure]:
-    """Front and height over time; fine: whether the bounds are meant for this resolution."""
+    """Judge front and height over time; fine: True if the bounds hold at this resolution."""
     fronts, heights = histories(run)
     best = min(front_error(fronts, shift) for shift in SHIFTS)
     return [
@@ -113,7 +113,7 @@ def judge(run: Run, fine: bool) -> list[Measure]:
 
 
 def curves(run: Run) -> list[Curve]:
-    """Front and height at the wall over T, and the measured ones where there are any."""
+    """Return front and height at the wall over T, and the measured ones where there are any."""
     fronts, heights = histories(run)
     drawn = [Curve("front", *fronts.T), Curve("height", fronts[:, 0], heights[:, 1])]
     if measured(run.sim.scene):

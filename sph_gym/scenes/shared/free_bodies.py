@@ -1,4 +1,4 @@
-"""What the scenes of bodies of fluid in empty space share: where they begin, what they conserve."""
+"""Bodies of fluid in empty space: their start, their exact solution, and what they conserve."""
 
 import math
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.scenes.reference import Measure, Run
+from sph_gym.scenes.shared.reference import Measure, Run
 from sph_gym.solver.checks import countable
 from sph_gym.solver.simulation import Simulation
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def rings(radius: float, dx: float) -> Array:
-    """(n, 2) [m]: a disc of concentric rings dx apart, their particles about dx apart.
+    """Return the places (n, 2) [m] of particles about dx apart on concentric rings dx apart.
 
     A square lattice that fills a circle has a ragged rim, and is squeezed along its rows where
     the flow is aligned with it. The radius is rounded to a multiple of dx.
@@ -30,13 +30,13 @@ def rings(radius: float, dx: float) -> Array:
 
 
 def semi_axes(x: Array) -> tuple[float, float]:
-    """Those along x and y [m] of the ellipse with the second moments of the particles (n, 2)."""
+    """Return the semi-axes along x and y [m] of the ellipse with the second moments of x (n, 2)."""
     width, height = 2 * x.std(axis=0)
     return float(width), float(height)
 
 
 def ellipse(times: Array, rate: float, omega: float = 0.0, steps: int = 200) -> Array:
-    """(n, 3): a, b and the strain rate [1/s] of an inviscid ellipse with a = b = 1 at time 0.
+    """Return (n, 3) a, b, strain rate [1/s] of an inviscid ellipse with a = b = 1 at time 0.
 
     u = rate x, v = - rate y at the start, under the central force - omega^2 r:
     d(rate)/dt = (rate^2 + omega^2) (b^2 - a^2) / (b^2 + a^2), da/dt = rate a, db/dt = - rate b.
@@ -64,7 +64,7 @@ def ellipse(times: Array, rate: float, omega: float = 0.0, steps: int = 200) -> 
 
 
 def conserved(sim: Simulation) -> dict[str, Any]:
-    """What a body by itself conserves, its energies, and its largest speed; see `diagnostics`."""
+    """Return momenta, energies and the largest speed of a body; see `Simulation.diagnostics`."""
     numbers = sim.diagnostics()
     return {
         "momentum": np.array([numbers["momentum_x"], numbers["momentum_y"]]),
@@ -76,7 +76,7 @@ def conserved(sim: Simulation) -> dict[str, Any]:
 
 
 def momentum_measures(run: Run, linear: bool = True, angular: bool = True) -> list[Measure]:
-    """The largest changes of momentum and angular momentum, which pair forces leave alone.
+    """Judge the largest changes of momentum and angular momentum, which pair forces leave alone.
 
     Against the mass times the largest speed, and times the size. linear: whether momentum must be
     conserved, since no outer force acts; angular: the same, since no force acts that isn't along
@@ -96,7 +96,7 @@ def momentum_measures(run: Run, linear: bool = True, angular: bool = True) -> li
 
 
 def energy_measures(run: Run, most: float | None = None) -> list[Measure]:
-    """What the kinetic energy gained or lost, at most `most` % of it, and the whole energy."""
+    """Judge the change of the kinetic energy, at most `most` % of it, and of the whole energy."""
     kinetic, energy = run.series("kinetic"), run.series("energy")
     at_stake = kinetic.max()
     return [

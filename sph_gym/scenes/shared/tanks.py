@@ -1,34 +1,34 @@
-"""What scenes in a tank ask of a simulation, and what none of them may do."""
+"""Water in a tank: what every scene of this kind observes, and what none of them may do."""
 
 from typing import Any
 
-from sph_gym.scenes.reference import Measure, Run
+from sph_gym.scenes.shared.reference import Measure, Run
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 
 
 def box(scene: Scene) -> tuple[float, float, float, float]:
-    """(left, right, floor, lid) of a scene's tank [m], infinite where a side is open."""
+    """Return (left, right, floor, lid) of a scene's tank [m], infinite where a side is open."""
     assert scene.walls is not None
     assert scene.walls.box is not None
     return scene.walls.box
 
 
 def outside(sim: Simulation) -> float:
-    """How far outside the tank the farthest particle is [m]."""
+    """Return the distance of the farthest particle outside the tank [m], 0 for none."""
     left, right, floor, lid = box(sim.scene)
     x, y = sim.x[: sim.n_fluid].astype(float).T
     return float(max(left - x.min(), x.max() - right, floor - y.min(), y.max() - lid, 0.0))
 
 
 def weight(sim: Simulation) -> float:
-    """m g of all the fluid [N/m], by the strength that its gravity has for good."""
+    """Return m g of all the fluid [N/m], by the final strength of its gravity."""
     gravity = sim.scene.effects.gravity_at(float("inf"))
     return float(sim.mass * sim.n_fluid * (gravity @ gravity) ** 0.5)
 
 
 def observe(sim: Simulation) -> dict[str, Any]:
-    """Mean density error, energy from nowhere, and how far outside the tank anybody is [m]."""
+    """Return the mean density error, the energy excess, and the distance outside the tank [m]."""
     numbers = sim.diagnostics()
     return {
         "density": numbers["density_error"],
@@ -38,7 +38,7 @@ def observe(sim: Simulation) -> dict[str, Any]:
 
 
 def judge(run: Run) -> list[Measure]:
-    """What can't be, or shouldn't, in any tank."""
+    """Judge compression, energy from nowhere and leaks, none of which may occur in any tank."""
     density, excess, farthest = (
         float(run.series(name).max()) for name in ("density", "excess", "outside")
     )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, failure, stepping, teams
-from sph_gym.solver.checks import known, number, positive, whole
+from sph_gym.solver.checks import known, positive, whole
 from sph_gym.solver.diagnostics import ALL, Request
 from sph_gym.solver.energy import GravityWork, Ledger
 from sph_gym.solver.engine import Engine
@@ -16,6 +16,7 @@ from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.model import particle_mass
 from sph_gym.solver.origin import moved, origin
 from sph_gym.solver.scene import Scene, check_controls
+from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
@@ -494,34 +495,11 @@ class Simulation:
 
         Raises ValueError if it is of another size, precision or form.
         """
-        try:
-            columns = self.engine.state_columns
-            fluid = {name: np.asarray(snapshot["fluid"][name]) for name in columns}
-            single = ("power", "clock", "time", "substeps")
-            power, clock, time, substeps = (number(name, snapshot[name]) for name in single)
-            controls = check_controls(snapshot["controls"])
-            numbers = [number("ledger", each) for each in snapshot["ledger"]]
-            totals = diagnostics.Totals(*(number("totals", each) for each in snapshot["totals"]))
-            onset = failure.Onset(*(number("onset", each) for each in snapshot["onset"]))
-            if len(numbers) != len(self._ledger.state()) or numbers[1] <= 0:
-                raise ValueError(f"ledger {numbers}")
-        except (AttributeError, LookupError, TypeError, ValueError) as error:
-            raise ValueError(f"snapshot: not one of Simulation.snapshot(): {error!r}") from None
-        for name, present in self.engine.state().items():
-            given = fluid[name]
-            if given.shape != present.shape or given.dtype != present.dtype:
-                raise ValueError(
-                    f"snapshot: expected {name} of shape {present.shape} and type "
-                    f"{present.dtype}, got {given.shape} and {given.dtype}"
-                )
-            if not np.isfinite(given).all():
-                raise ValueError(f"snapshot: expected finite numbers in {name}")
-        if not np.array_equal(np.sort(fluid["id"]), np.arange(self.n_fluid)):
-            raise ValueError("snapshot: expected every particle's id once")
-        self.time, self._controls, self._totals = time, controls, totals
-        self._gravity.power, self._underway = power, None
-        self._ledger.set_state(numbers)
-        self._substeps, self._onset = substeps, onset
-        self.engine.set_controls(controls)
-        self.engine.set_state(fluid, clock)
+        state = read_snapshot(snapshot, self.engine, len(self._ledger.state()))
+        self.time, self._controls, self._totals = state.time, state.controls, state.totals
+        self._gravity.power, self._underway = state.power, None
+        self._ledger.set_state(state.ledger)
+        self._substeps, self._onset = state.substeps, state.onset
+        self.engine.set_controls(state.controls)
+        self.engine.set_state(state.fluid, state.clock)
         self._acceleration = None

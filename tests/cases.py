@@ -40,6 +40,7 @@ DYNAMIC_PRESSURE = WATER.rho0 * (C0 / 10) ** 2
 ALL_EFFECTS = Effects(
     gravity=(1.5, -9.81), xsph=True, artificial_viscosity=0.3, laminar_viscosity=0.02
 )
+STILL = replace(ALL_EFFECTS, gravity=(0.0, 0.0))
 TANK = tank_particles(WIDTH, 1.25 * WIDTH, DX)
 BOX = (0.0, WIDTH, 0.0, np.inf)
 WALLS = Walls(particles=TANK, box=BOX, restitution=0.5)
@@ -208,12 +209,27 @@ CLOUDS = {
     "overlapping": (lambda rng: rng.uniform(0.25 * WIDTH, 0.75 * WIDTH, (144, 2)), 2.6),
     "coincident": (coincident, 2.6),
 }
+NASTIEST = "coincident"
 # all of them compiled, the nastiest one uncompiled too
 clouds = pytest.mark.parametrize(
     "cloud",
     [
-        pytest.param(name, marks=pytest.mark.without_jit if name == "coincident" else ())
+        pytest.param(name, marks=pytest.mark.without_jit if name == NASTIEST else ())
         for name in CLOUDS
+    ],
+)
+configurations = pytest.mark.parametrize(("configuration", "dtype"), COMPILED)
+# every configuration on every cloud
+compiled_cases = pytest.mark.parametrize(
+    ("configuration", "dtype", "cloud"),
+    [
+        pytest.param(
+            *compiled,
+            cloud,
+            marks=pytest.mark.without_jit if cloud == NASTIEST and "float64" in compiled else (),
+        )
+        for compiled in COMPILED
+        for cloud in CLOUDS
     ],
 )
 

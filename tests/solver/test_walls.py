@@ -5,14 +5,21 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, Walls, lattice, scenes, tank_particles
-from tests.cases import BOX, DX, WIDTH, fluid, scene, simulation
+from tests.cases import BOX, DX, STILL, WIDTH, fluid, scene, simulation
+
+TINY = np.array([(50.0, 50.0)])  # one boundary particle, far out of the way
 
 
-def bounce(x, v, restitution, dtype="float64"):
+def boxed(x, v, box, restitution=0.5, **more):
+    """A lonely particle in a box."""
+    walls = Walls(TINY, box=box, restitution=restitution)
+    return simulation("everything", x=[x], v=[v], walls=walls, effects=STILL, **more)
+
+
+def bounce(x, v, restitution):
     """A lonely particle in a unit box after one step of 0.01 s."""
-    walls = Walls(box=(0.0, 1.0, 0.0, 1.0), restitution=restitution)
     controls = scene().controls._replace(dt=0.01)
-    sim = simulation("box", dtype=dtype, x=[x], v=[v], walls=walls, controls=controls)
+    sim = boxed(x, v, (0.0, 1.0, 0.0, 1.0), restitution, controls=controls)
     sim.advance(0.01)
     return sim.x[0], sim.v[0]
 
@@ -44,8 +51,7 @@ def test_a_particle_that_comes_back_by_itself_keeps_its_velocity():
 
 
 def test_an_infinite_side_is_open():
-    walls = Walls(box=(-math.inf, math.inf, 0.0, math.inf))
-    sim = simulation("box", x=[(0.0, 1.0)], v=[(-50.0, 70.0)], walls=walls)
+    sim = boxed((0.0, 1.0), (-50.0, 70.0), (-math.inf, math.inf, 0.0, math.inf))
     dt = sim.controls.dt
     sim.advance(5 * dt)
     assert sim.x[0] == pytest.approx([-250 * dt, 1.0 + 350 * dt])
@@ -69,9 +75,6 @@ def test_nothing_leaves_the_box(dtype):
     assert touched.all()
 
 
-TINY = np.array([(50.0, 50.0)])  # one boundary particle, far out of the way
-
-
 # --- Boundary particles ---------------------------------------------------------------------
 
 
@@ -86,13 +89,13 @@ def test_boundary_particles_stay_where_they_are():
 
 def test_boundary_particles_push_before_a_particle_arrives():
     x = np.asarray(scene(cloud="lattice 3").x) - (0.0, 0.3 * DX)
-    sim = simulation("wall particles", "lattice 3", x=x, v=None)
+    sim = simulation("everything", "lattice 3", effects=STILL, x=x, v=None)
     lowest = x[:, 1] == x[:, 1].min()
     assert fluid(sim, "a")[lowest, 1].min() > 9.81
 
 
 def test_a_lattice_in_step_with_its_tank_feels_nothing():
-    sim = simulation("wall particles", "lattice 3", v=None)
+    sim = simulation("everything", "lattice 3", effects=STILL, v=None)
     x = fluid(sim, "x")
     reached = (x[:, 1] < WIDTH - 3.1 * DX) & (fluid(sim, "rho") > 0)
     assert reached.sum() > 80

@@ -365,7 +365,7 @@ FIRST_AND_LAST = ("x_min", "x_max", "y_min", "y_max", "x", "y")
 )
 def test_arguments_of_shapes(shape, argument, values):
     assert len(shape(**SHAPES[shape], dx=0.1)) > 5
-    refuses_each(argument, values, shape, **SHAPES[shape], **{"dx": 0.1})
+    refuses_each(argument, values, shape, **SHAPES[shape], dx=0.1)
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.__name__)

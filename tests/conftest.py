@@ -86,8 +86,8 @@ def pytest_terminal_summary(terminalreporter, config):
     memories = ", ".join(f"{worker['memory']:.2f} GB" for worker in _workers)
     terminalreporter.section("compile budget")
     terminalreporter.line(
-        f"{len(versions)} versions of the solver (at most {MAX_VERSIONS}), {compiled} compilations; "
-        f"peak memory of each worker (at most {MAX_MEMORY} GB): {memories}"
+        f"{len(versions)} versions of the solver (at most {MAX_VERSIONS}); {compiled} of them were "
+        f"compiled now; peak memory of the workers (at most {MAX_MEMORY} GB): {memories}"
     )
     if _fails(config):
         terminalreporter.line("FAILED: more than the budget. Share configurations: tests/cases.py")

@@ -34,7 +34,7 @@ WIDTH = 12 * DX
 C0 = 10.0
 STIFFNESS = 1000 * C0**2 / 7
 
-WATER = Fluid(c0=C0)
+WATER = Fluid(c0=C0, kernel="mueller")
 # of the fastest flow that c0 is meant for: the least pressure that counts
 DYNAMIC_PRESSURE = WATER.rho0 * (C0 / 10) ** 2
 ALL_EFFECTS = Effects(

@@ -10,7 +10,7 @@ from sph_gym import Fluid, Simulation, scenes
 from sph_gym.solver import failure
 from sph_gym.solver.diagnostics import Ledger
 from sph_gym.solver.failure import CAUSES
-from tests.cases import C0, MOVING, STIFFNESS, STILL, configurations, fluid, simulation
+from tests.cases import C0, MOVING, STIFFNESS, STILL, configurations, fluid, simulation, uncompiled
 from tests.solver.test_simulation import FIELDS
 
 LINKS = {"neighbours", "density", "pressure", "force", "integration", "walls"}
@@ -186,7 +186,7 @@ def test_half_of_the_energy_at_stake_at_once_is_a_burst():
     assert blown(np.nan, 0.0)
 
 
-@pytest.mark.without_jit
+@uncompiled
 def test_slow_fluid_and_moving_walls_don_t_burst():
     assert not ledger(driven=True)(1.5, 0.0)
     # at rest: what is at stake is less than the energy of fluid at FLOW c0

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, Walls, lattice, scenes, tank_particles
-from tests.cases import BOX, DX, STILL, WIDTH, fluid, scene, simulation
+from tests.cases import BOX, DX, STILL, WIDTH, fluid, scene, simulation, uncompiled
 
 TINY = np.array([(50.0, 50.0)])  # one boundary particle, far out of the way
 
@@ -144,6 +144,7 @@ def test_who_gets_into_a_wall_is_reported_at_the_end_of_that_step(mach, neighbor
     assert sim.advance(1e-5).diverged == inside
 
 
+@uncompiled
 @pytest.mark.parametrize("integrator", ["kick_drift_kick", "predictor_corrector"])
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_every_integrator_tells_who_gets_into_a_wall(integrator, dtype):
@@ -153,6 +154,7 @@ def test_every_integrator_tells_who_gets_into_a_wall(integrator, dtype):
     assert sim.time == pytest.approx(report.n_substeps * report.dt)
 
 
+@uncompiled
 @pytest.mark.parametrize(
     "guard", [{"box": (-9.0, 9.0, 0.0, 9.0)}, {"plates": [(-0.5, 0.0, 0.5, 0.0)]}]
 )
@@ -163,6 +165,7 @@ def test_nobody_gets_into_a_wall_with_a_guard_at_its_face(mach, guard):
     assert sim.x[1, 1] >= 0
 
 
+@uncompiled
 @pytest.mark.parametrize("mach", [0.9, 4.0, 30.0])
 def test_nobody_gets_into_an_obstacle_within_a_box_unnoticed(mach):
     sim = stray(mach, guard={"box": (-9.0, 9.0, -1.0, 9.0)})
@@ -182,6 +185,7 @@ def test_strays_may_be_as_fast_as_they_like_where_no_wall_is_in_their_way(mach, 
     assert fluid(sim, "v")[1] == pytest.approx(10.0 * mach * np.array(direction), abs=5.0)
 
 
+@uncompiled
 @pytest.mark.parametrize("mach", [4.0, 30.0])
 def test_nobody_leaps_through_a_wall_at_the_end_of_a_periodic_domain_unnoticed(mach):
     sim = stray(mach, start=(0.0, 0.1), direction=(0.6, -0.8), guard={"period_x": (-0.5, 0.5)})

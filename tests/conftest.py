@@ -30,6 +30,11 @@ _versions: dict[str, str] = {}
 _workers: list[dict] = []
 
 
+def pytest_collection_finish():
+    if getattr(stepping.advance, "signatures", ()):
+        raise pytest.UsageError("a simulation was run while tests were collected, in every worker")
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown(item):
     signatures = getattr(stepping.advance, "signatures", ())

@@ -26,13 +26,32 @@ settings.load_profile("suite")
 
 # In a worker, by signature: the file whose tests were the first to need that version.
 _versions: dict[str, str] = {}
+# In a worker: what the next test is to report.
+_faults: list[str] = []
 # In the controller: one entry a worker.
 _workers: list[dict] = []
 
 
+def pytest_collection_modifyitems(items):
+    """Put tests of one configuration next to each other: else two workers compile it at once."""
+    items.sort(key=_configuration)
+
+
+def _configuration(item):
+    parameters = item.callspec.params if hasattr(item, "callspec") else {}
+    if "configuration" not in parameters:
+        return ()
+    return parameters["configuration"], parameters.get("dtype", "float64")
+
+
 def pytest_collection_finish():
     if getattr(stepping.advance, "signatures", ()):
-        raise pytest.UsageError("a simulation was run while tests were collected, in every worker")
+        _faults.append("a simulation was run while tests were collected, and so in every worker")
+
+
+def pytest_runtest_setup():
+    if _faults:
+        pytest.fail(_faults.pop(), pytrace=False)
 
 
 @pytest.hookimpl(trylast=True)
@@ -91,8 +110,8 @@ def pytest_terminal_summary(terminalreporter, config):
     memories = ", ".join(f"{worker['memory']:.2f} GB" for worker in _workers)
     terminalreporter.section("compile budget")
     terminalreporter.line(
-        f"{len(versions)} versions of the solver (at most {MAX_VERSIONS}); {compiled} of them were "
-        f"compiled now; peak memory of the workers (at most {MAX_MEMORY} GB): {memories}"
+        f"{len(versions)} versions of the solver (at most {MAX_VERSIONS}) in {compiled} compilations; "
+        f"peak memory of the workers (at most {MAX_MEMORY} GB): {memories}"
     )
     if _fails(config):
         terminalreporter.line("FAILED: more than the budget. Share configurations: tests/cases.py")

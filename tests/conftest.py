@@ -110,8 +110,8 @@ def pytest_terminal_summary(terminalreporter, config):
     memories = ", ".join(f"{worker['memory']:.2f} GB" for worker in _workers)
     terminalreporter.section("compile budget")
     terminalreporter.line(
-        f"{len(versions)} versions of the solver (at most {MAX_VERSIONS}) in {compiled} compilations; "
-        f"peak memory of the workers (at most {MAX_MEMORY} GB): {memories}"
+        f"{len(versions)} solver versions in {compiled} compilations (at most {MAX_VERSIONS}); "
+        f"peak memory of the workers: {memories} (at most {MAX_MEMORY} GB)"
     )
     if _fails(config):
         terminalreporter.line("FAILED: more than the budget. Share configurations: tests/cases.py")

@@ -1,9 +1,10 @@
 # `make demo`, `make demo-rl` and `make test` set up everything they need in .venv.
 PYTHON ?= python3
 BIN := .venv/bin
+UNCOMPILED := $(BIN)/python -m pytest tests/solver tests/test_fuzz.py
 INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --constraint .ci/constraints.txt
 
-.PHONY: demo demo-rl test lint clean
+.PHONY: demo demo-rl test test-all lint clean
 
 demo: .venv/.studies
 	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 4 \
@@ -14,8 +15,16 @@ demo-rl: .venv/.agents
 	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 4 \
 		--grid 3 4 2 --networks ppo runs/demo-rl/ppo_dam_break/network.npz --output runs/demo-rl
 
+# What a contributor needs: minutes. The solver runs as plain Python too, which tests each effect
+# by itself without compiling it.
 test: .venv/.dev lint
+	$(BIN)/python -m pytest -m "not slow"
+	NUMBA_DISABLE_JIT=1 $(UNCOMPILED) -m "without_jit and not slow"
+
+# Everything.
+test-all: .venv/.dev lint
 	$(BIN)/python -m pytest
+	NUMBA_DISABLE_JIT=1 $(UNCOMPILED) -m without_jit
 
 lint: .venv/.dev
 	$(BIN)/ruff check .

@@ -1,11 +1,12 @@
-"""What the solver is tested on: every effect alone, none, and all together, on all sorts of clouds.
+"""What the solver is tested on: no effect, all of them, and mixtures, on all sorts of clouds.
 
-All lengths in metres; dx is 0.02 and a full cloud is a square of 12 x 12 particles. Every
-configuration is compiled, so those of the physics that came later are few and hold much each:
-test_terms.py looks at their pieces one by one, uncompiled.
+All lengths in metres; dx is 0.02 and a full cloud is a square of 12 x 12 particles. Each
+configuration costs a compilation in each precision (see the budget in conftest.py), so there are
+few and each holds much: effects alone are looked at uncompiled, in test_terms.py.
 """
 
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -26,23 +27,25 @@ from sph_gym import (
     lattice,
     tank_particles,
 )
+from tests.pairwise import pairwise
 
 DX = 0.02
 WIDTH = 12 * DX
 C0 = 10.0
 STIFFNESS = 1000 * C0**2 / 7
 
-WATER = Fluid(c0=C0)
+WATER = Fluid(c0=C0, kernel="mueller")
 # of the fastest flow that c0 is meant for: the least pressure that counts
 DYNAMIC_PRESSURE = WATER.rho0 * (C0 / 10) ** 2
 ALL_EFFECTS = Effects(
     gravity=(1.5, -9.81), xsph=True, artificial_viscosity=0.3, laminar_viscosity=0.02
 )
+STILL = replace(ALL_EFFECTS, gravity=(0.0, 0.0))
 TANK = tank_particles(WIDTH, 1.25 * WIDTH, DX)
 BOX = (0.0, WIDTH, 0.0, np.inf)
 WALLS = Walls(particles=TANK, box=BOX, restitution=0.5)
 
-# --- Physics that came later ---------------------------------------------------------------
+# --- Walls and effects of the mixtures ------------------------------------------------------
 
 # wide enough for the widest support, 4 dx, which it then fits as narrowly as it may
 PERIOD = (-2 * DX, WIDTH + 2 * DX)
@@ -82,75 +85,96 @@ SHAKEN = ShakenGravity(1.0, -9.81, (5.0, 3.0), 25.0)
 ROLLING = RollingTank(9.81, 0.3, 15.0, (0.1, -0.05))
 RECORDED = RecordedGravity([(0.0, -9.0), (3.0, -7.0), (-1.0, -10.0), (2.0, 5.0)], 4e-4)
 FREE = replace(WATER, clamp=False)
-LATER = {
-    "pair effects": {"effects": PAIRS, "fluid": replace(FREE, kernel="spiky")},
-    "extrapolated": {
-        "effects": replace(ALL_EFFECTS, gravity=RECORDED, xsph=False),
-        "walls": replace(WALLS, pressure="extrapolated", velocity=(0.5, -1.0)),
-        "fluid": replace(WATER, kernel="wendland_c2"),
-    },
+
+# --- Configurations --------------------------------------------------------------------------
+
+# of the mixtures; see `mixed`
+FACTORS = {
+    "integrator": ["symplectic_euler", "kick_drift_kick", "predictor_corrector"],
+    "effects": ["viscous", "pairs", "integrated"],
+    "walls": ["tank", "channel", "periodic"],
+    "kernel": ["mueller", "wendland_c2", "quintic_spline"],
+    "dtype": ["float64", "float32"],
+    "pressure": ["like fluid", "extrapolated"],
+    "slip": ["no-slip", "free-slip"],
+    "clamp": [True, False],
+    "gamma": [7.0, 5.5],
+}
+SOME_EFFECTS = {"viscous": ALL_EFFECTS, "pairs": PAIRS, "integrated": INTEGRATED}
+ENDLESS = Walls(period_x=PERIOD, period_y=PERIOD)
+SOME_WALLS = {
+    "tank": replace(WALLS, velocity=(0.5, -1.0)),
+    "channel": MOVING,
+    "periodic": ENDLESS,
+}
+CENTRAL = CentralGravity(20.0, 0.1, 0.15)
+
+
+def mixed(row, gravity):
+    """Return the parts of a scene that a row of factors names."""
+    effects = replace(SOME_EFFECTS[row["effects"]], gravity=gravity)
+    walls = SOME_WALLS[row["walls"]]
+    if walls.particles is not None:
+        # a density by continuity needs walls that take the pressure of the fluid
+        pressure = "extrapolated" if effects.continuity else row["pressure"]
+        walls = replace(walls, pressure=pressure, slip=row["slip"])
+    water = Fluid(C0, kernel=row["kernel"], clamp=row["clamp"], gamma=row["gamma"])
+    return {"effects": effects, "walls": walls, "fluid": water, "integrator": row["integrator"]}
+
+
+def named(*values):
+    """Return a row of factors."""
+    return dict(zip(FACTORS, values, strict=True))
+
+
+ALIKE = ("like fluid", "no-slip", True, 7.0)
+IN_ONE_PIECE = [
+    named("symplectic_euler", "viscous", "tank", "mueller", dtype, *ALIKE)
+    for dtype in FACTORS["dtype"]
+]
+# for each integrator, one with walls that move and densities in the state
+FREE_CHANNEL = ("float64", "extrapolated", "no-slip", False)
+EULER = named("symplectic_euler", "integrated", "channel", "mueller", *FREE_CHANNEL, 7.0)
+KICK = named("kick_drift_kick", "integrated", "channel", "quintic_spline", *FREE_CHANNEL, 7.0)
+PREDICTOR = named("predictor_corrector", "integrated", "channel", "wendland_c2", *FREE_CHANNEL, 5.5)
+CONFIGURATIONS = {
+    "none": {},
+    "everything": {"effects": ALL_EFFECTS, "walls": WALLS},
+    "open space": {"effects": ALL_EFFECTS},
     "periodic": {
         "effects": replace(ALL_EFFECTS, gravity=None),
-        "walls": Walls(period_x=PERIOD, period_y=PERIOD),
+        "walls": ENDLESS,
         "fluid": replace(FREE, kernel="cubic_spline"),
     },
     "plates": {"walls": Walls(plates=[PLATE], restitution=0.5)},
-    "moving": {
-        "effects": replace(ALL_EFFECTS, gravity=CentralGravity(20.0, 0.1, 0.15)),
-        "walls": Walls(CHANNEL, motion=PISTON, box=MOVING.box),
-        "integrator": "kick_drift_kick",
-    },
-    "channel": {
-        "effects": replace(ALL_EFFECTS, gravity=ROLLING),
-        "walls": Walls(CHANNEL, pressure="extrapolated", slip="free-slip", period_x=PERIOD),
-        "integrator": "predictor_corrector",
-    },
-    "all, euler": {
-        "effects": replace(INTEGRATED, gravity=SHAKEN),
-        "walls": MOVING,
-        "fluid": replace(FREE, kernel="cubic_spline"),
-    },
-    "all, kick": {
-        "effects": replace(INTEGRATED, gravity=SHAKEN),
-        "walls": MOVING,
-        "fluid": replace(FREE, kernel="quintic_spline"),
-        "integrator": "kick_drift_kick",
-    },
-    "all, predictor": {
-        "effects": replace(INTEGRATED, gravity=ROLLING),
-        "walls": MOVING,
-        "fluid": replace(FREE, kernel="wendland_c2", gamma=3.5),
-        "integrator": "predictor_corrector",
-    },
+    "all, euler": mixed(EULER, SHAKEN),
+    "all, kick": mixed(KICK, SHAKEN),
+    "all, predictor": mixed(PREDICTOR, ROLLING),
 }
+# what is compiled to be compared with the naive solver: configuration and precision
+COMPILED = [
+    ("none", "float32"),
+    ("everything", "float32"),
+    *((name, "float64") for name in CONFIGURATIONS),
+]
+# all pairs of values of the factors that the above don't have together
+MIXED = [
+    (", ".join(row[name] for name in ("integrator", "effects", "walls", "kernel")), row)
+    for row in pairwise(FACTORS, [*IN_ONE_PIECE, EULER, KICK, PREDICTOR])
+]
+for (name, row), gravity in zip(MIXED, cycle([SHAKEN, ROLLING, RECORDED, CENTRAL, None])):
+    CONFIGURATIONS[name] = mixed(row, gravity)
+    COMPILED.append((name, row["dtype"]))
 
-EVERYTHING = {"effects": ALL_EFFECTS, "walls": WALLS}
-CONFIGURATIONS = {
-    "none": {},
-    "gravity": {"effects": Effects(gravity=(1.5, -9.81))},
-    "artificial viscosity": {"effects": Effects(artificial_viscosity=0.3)},
-    "laminar viscosity": {"effects": Effects(laminar_viscosity=0.02)},
-    "xsph": {"effects": Effects(xsph=True)},
-    "wall particles": {"walls": Walls(particles=TANK)},
-    "box": {"walls": Walls(box=BOX, restitution=0.5)},
-    "open space": {"effects": ALL_EFFECTS},
-    "everything": EVERYTHING,
-    "everything, wendland": EVERYTHING | {"fluid": replace(WATER, kernel="wendland_c2")},
-    "everything, linear": EVERYTHING | {"fluid": replace(WATER, eos="linear")},
-    "everything, gamma 5.5": EVERYTHING | {"fluid": replace(WATER, gamma=5.5)},
-    "everything, no clamp": EVERYTHING | {"fluid": replace(WATER, clamp=False)},
-} | LATER
-
-
-# what would cost a compilation, and says as much without: the marks of a file
+# marks of what would cost a compilation, and says as much without
 UNCOMPILED = [
     pytest.mark.without_jit,
-    pytest.mark.skipif(not config.DISABLE_JIT, reason="runs uncompiled: test_without_jit.py"),
+    pytest.mark.skipif(not config.DISABLE_JIT, reason="runs with NUMBA_DISABLE_JIT=1"),
 ]
 
 
 def uncompiled(test):
-    """The same for one test."""
+    """Run one test with NUMBA_DISABLE_JIT=1 only."""
     for mark in UNCOMPILED:
         test = mark(test)
     return test
@@ -185,12 +209,27 @@ CLOUDS = {
     "overlapping": (lambda rng: rng.uniform(0.25 * WIDTH, 0.75 * WIDTH, (144, 2)), 2.6),
     "coincident": (coincident, 2.6),
 }
+NASTIEST = "coincident"
 # all of them compiled, the nastiest one uncompiled too
 clouds = pytest.mark.parametrize(
     "cloud",
     [
-        pytest.param(name, marks=pytest.mark.without_jit if name == "coincident" else ())
+        pytest.param(name, marks=pytest.mark.without_jit if name == NASTIEST else ())
         for name in CLOUDS
+    ],
+)
+configurations = pytest.mark.parametrize(("configuration", "dtype"), COMPILED)
+# every configuration on every cloud
+compiled_cases = pytest.mark.parametrize(
+    ("configuration", "dtype", "cloud"),
+    [
+        pytest.param(
+            *compiled,
+            cloud,
+            marks=pytest.mark.without_jit if cloud == NASTIEST and "float64" in compiled else (),
+        )
+        for compiled in COMPILED
+        for cloud in CLOUDS
     ],
 )
 

@@ -187,7 +187,9 @@ def scenes(draw, configuration, dtype):
     v = c0 * np.array(draw(st.lists(place, min_size=n, max_size=n))) / 10
     parts = dict(CONFIGURATIONS[configuration])
     walls = parts.pop("walls", None)
-    fluid = Fluid(c0=c0, rho0=draw(st.floats(1e-3, 1e5)), clamp=draw(st.booleans()))
+    fluid = Fluid(
+        c0=c0, kernel="mueller", rho0=draw(st.floats(1e-3, 1e5)), clamp=draw(st.booleans())
+    )
     if walls is not None:
         scale = draw(st.floats(0.5, 2.0)) * dx / 0.02
         low, high = -10 * dx, 10 * dx

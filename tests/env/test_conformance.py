@@ -17,6 +17,7 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from sph_gym import scenes
 from sph_gym.env import SCENES, env_id
 from sph_gym.env.vector import TuningVectorEnv
+from tests.pairwise import pairwise
 
 CUSTOM = env_id("custom")
 FACTORS = {
@@ -34,31 +35,7 @@ FACTORS = {
 }
 
 
-def pairwise(factors):
-    """Few combinations, among which are all pairs of values of any two factors; greedily."""
-    names = list(factors)
-    todo = {
-        ((one, a), (other, b))
-        for one, other in itertools.combinations(names, 2)
-        for a in range(len(factors[one]))
-        for b in range(len(factors[other]))
-    }
-    while todo:
-        row = dict(min(todo))
-        for name in names:
-            if name in row:
-                continue
-            news = [len(pairs({**row, name: k}, names) & todo) for k in range(len(factors[name]))]
-            row[name] = int(np.argmax(news))
-        todo -= pairs(row, names)
-        yield {name: factors[name][k] for name, k in row.items()}
-
-
-def pairs(row, names):
-    return set(itertools.combinations([(name, row[name]) for name in names if name in row], 2))
-
-
-ROWS = list(pairwise(FACTORS))
+ROWS = pairwise(FACTORS)
 
 
 def make(row):

@@ -6,8 +6,18 @@ import numpy as np
 import pytest
 from numba import typeof, types
 
-from sph_gym import Effects
-from tests.cases import PAIRS, WALLS, assert_close, fluid, simulation, uncompiled
+from sph_gym import Effects, Walls
+from tests.cases import (
+    CHANNEL,
+    MOVING,
+    PAIRS,
+    PISTON,
+    WALLS,
+    assert_close,
+    fluid,
+    simulation,
+    uncompiled,
+)
 
 NAMED = {
     "artificial_viscosity": Effects(artificial_viscosity=0.1),
@@ -44,14 +54,14 @@ def test_what_is_not_named_is_none_to_the_compiler(named):
 
 @pytest.mark.without_jit
 def test_gravity_and_the_box_are_there_when_named():
-    assert simulation("gravity").engine.model.gravity is not None
-    assert simulation("box").engine.model.box is not None
+    assert simulation("open space").engine.model.gravity is not None
+    assert simulation("everything").engine.model.box is not None
 
 
 @uncompiled
 def test_columns_are_there_for_what_needs_them():
-    def columns(configuration):
-        engine = simulation(configuration).engine
+    def columns(configuration, **parts):
+        engine = simulation(configuration, **parts).engine
         kept = {name for name, a in engine.fluid._asdict().items() if a is not None}
         walls = {} if engine.walls is None else engine.walls._asdict()
         return kept - PLAIN, {name for name, a in walls.items() if a is not None} - PLAIN
@@ -59,9 +69,14 @@ def test_columns_are_there_for_what_needs_them():
     rates, drift = {"ax", "ay"}, {"tx", "ty"}
     assert columns("none") == (set(), set())
     assert columns("everything") == (set(), set())
-    assert columns("extrapolated") == (set(), {"ghost_u", "ghost_v"})
-    assert columns("channel") == (rates | drift, set())
-    assert columns("moving") == (rates | drift, {"ax", "ay"})
+    mirrors = replace(WALLS, pressure="extrapolated")
+    assert columns("everything", walls=mirrors) == (set(), {"ghost_u", "ghost_v"})
+    slippery = replace(mirrors, slip="free-slip")
+    corrected = {"integrator": "predictor_corrector"}
+    assert columns("everything", walls=slippery, **corrected) == (rates | drift, set())
+    moving = Walls(CHANNEL, motion=PISTON, box=MOVING.box)
+    kicked = {"integrator": "kick_drift_kick"}
+    assert columns("everything", walls=moving, **kicked) == (rates | drift, {"ax", "ay"})
     surface, continuity = {"nx", "ny"}, {"offset"}
     assert columns("all, euler") == (
         surface | continuity, {"ghost_u", "ghost_v", "ax", "ay"},
@@ -85,7 +100,7 @@ def test_walls_take_part_in_what_they_should(pressure, slip):
 
 
 def test_the_xsph_control_is_inert_without_xsph():
-    sims = [simulation("laminar viscosity") for _ in range(2)]
+    sims = [simulation("none") for _ in range(2)]
     for k, sim in enumerate(sims):
         for strength in (0.0, 0.7, 3.0):
             sim.controls = sim.controls._replace(xsph=k * strength)
@@ -94,8 +109,9 @@ def test_the_xsph_control_is_inert_without_xsph():
         assert (getattr(sims[0], field) == getattr(sims[1], field)).all()
 
 
+@uncompiled
 def test_xsph_moves_particles_but_does_not_touch_their_velocities():
-    with_xsph, without = (simulation(name) for name in ("xsph", "none"))
+    with_xsph, without = simulation("none", effects=NAMED["xsph"]), simulation("none")
     dt = with_xsph.controls.dt
     for sim in (with_xsph, without):
         sim.advance(dt)
@@ -103,24 +119,27 @@ def test_xsph_moves_particles_but_does_not_touch_their_velocities():
     assert np.abs(with_xsph.x - without.x).max() > 0.01 * dt
 
 
+@uncompiled
 def test_xsph_of_strength_zero_is_none():
-    sim, none = simulation("xsph"), simulation("none")
+    sim, none = simulation("none", effects=NAMED["xsph"]), simulation("none")
     sim.controls = sim.controls._replace(xsph=0.0)
     for each in (sim, none):
         each.advance(each.controls.dt)
     assert_close(sim.x, none.x, 1e-13)
 
 
+@uncompiled
 @pytest.mark.parametrize("name", ["artificial_viscosity", "laminar_viscosity"])
 def test_viscosity_zero_is_no_viscosity(name):
     zero, none = simulation("none", effects=Effects(**{name: 0.0})), simulation("none")
     assert_close(zero.a, none.a, 1e-13)
 
 
+@uncompiled
 def test_artificial_viscosity_does_not_follow_the_stiffness():
     # rarefied, so that the clamp leaves no pressure at any stiffness
     x = 1.6 * np.asarray(simulation("none").scene.x)
-    sim = simulation("artificial viscosity", x=x)
+    sim = simulation("none", x=x, effects=NAMED["artificial_viscosity"])
     assert not fluid(sim, "p").any()
     before = sim.a
     assert np.abs(before).max() > 1.0

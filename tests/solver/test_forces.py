@@ -9,36 +9,43 @@ from sph_gym import Effects, Fluid, Scene, Simulation, lattice
 from tests.cases import (
     C0,
     CLOUDS,
-    CONFIGURATIONS,
     DX,
     DYNAMIC_PRESSURE,
+    STILL,
     WATER,
     WIDTH,
     assert_close,
     clouds,
+    compiled_cases,
+    configurations,
     fluid,
     scene,
     simulation,
+    uncompiled,
 )
 from tests.naive import Naive
 
 TOLERANCE = {"float64": 1e-10, "float32": 1e-4}
 
-# every configuration in double precision, and those with the most different code in single
-PRECISE = [(name, "float64") for name in CONFIGURATIONS]
-OLDER = ("none", "everything", "everything, wendland", "everything, linear")
-SINGLE = [(name, "float32") for name in (*OLDER, "all, euler", "all, kick")]
-configurations = pytest.mark.parametrize(("configuration", "dtype"), PRECISE + SINGLE)
 
-
-@clouds
-@configurations
+@compiled_cases
 def test_fields_are_those_of_the_naive_solver(configuration, dtype, cloud):
     sim = simulation(configuration, cloud, dtype)
+    assert_naive(sim, TOLERANCE[dtype])
+    assert not sim.a[sim.n_fluid :].any()
+
+
+@configurations
+def test_brute_force_finds_the_fields_of_the_naive_solver(configuration, dtype):
+    sim = simulation(configuration, "disordered", dtype, "brute")
+    assert_naive(sim, TOLERANCE[dtype])
+
+
+def assert_naive(sim, tolerance):
+    """The fields of a simulation are those of the naive solver at its start."""
     naive = Naive(sim.scene, sim.controls)
     state = naive.start(np.asarray(sim.scene.x), np.asarray(sim.scene.v))
-    assert_same_fields(sim, naive, state, TOLERANCE[dtype])
-    assert not sim.a[sim.n_fluid :].any()
+    assert_same_fields(sim, naive, state, tolerance)
 
 
 def assert_same_fields(sim, naive, state, tolerance):
@@ -123,6 +130,7 @@ def test_coincident_particles_do_not_push_each_other():
     assert not sim.a.any()
 
 
+@uncompiled
 @pytest.mark.parametrize("name", ["artificial_viscosity", "laminar_viscosity"])
 def test_viscosity_slows_an_approach(name):
     pair = {"x": [(0.0, 0.0), (DX, 0.0)], "v": [(1.0, 0.0), (-1.0, 0.0)]}
@@ -132,6 +140,7 @@ def test_viscosity_slows_an_approach(name):
     assert a[0, 0] < 0.0 < a[1, 0]
 
 
+@uncompiled
 def test_artificial_viscosity_lets_a_parting_pair_go():
     pair = {"x": [(0.0, 0.0), (DX, 0.0)], "v": [(-1.0, 0.0), (1.0, 0.0)]}
     effects = Effects(artificial_viscosity=0.1)
@@ -142,20 +151,25 @@ def test_artificial_viscosity_lets_a_parting_pair_go():
 
 # --- What is conserved ----------------------------------------------------------------------
 
-PAIR_EFFECTS = ["none", "artificial viscosity", "laminar viscosity", "xsph"]
+# pressure alone, and with all that acts between pairs
+pairs_only = pytest.mark.parametrize(
+    ("configuration", "parts"),
+    [("none", {}), ("open space", {"effects": STILL})],
+    ids=["pressure", "all pair effects"],
+)
 
 
 @clouds
-@pytest.mark.parametrize("configuration", PAIR_EFFECTS)
-def test_forces_between_particles_add_up_to_nothing(configuration, cloud):
-    a = simulation(configuration, cloud).a
+@pairs_only
+def test_forces_between_particles_add_up_to_nothing(configuration, parts, cloud):
+    a = simulation(configuration, cloud, **parts).a
     assert_close(a.sum(axis=0), np.zeros(2), 1e-13, at_least=np.abs(a).sum())
 
 
 @pytest.mark.parametrize("cloud", CLOUDS)
-@pytest.mark.parametrize("configuration", PAIR_EFFECTS)
-def test_momentum_and_the_motion_of_the_centre_are_conserved(configuration, cloud):
-    sim = simulation(configuration, cloud)
+@pairs_only
+def test_momentum_and_the_motion_of_the_centre_are_conserved(configuration, parts, cloud):
+    sim = simulation(configuration, cloud, **parts)
     # short enough for the violence of the overlapping cloud
     sim.controls = sim.controls._replace(dt=1e-5)
     x, v, dt = sim.x, sim.v, 1e-5
@@ -166,9 +180,8 @@ def test_momentum_and_the_motion_of_the_centre_are_conserved(configuration, clou
     assert_close(moved, 20 * dt * v.sum(axis=0), 1e-13, at_least=20 * dt * most)
 
 
-@pytest.mark.parametrize("configuration", ["none", "artificial viscosity"])
-def test_central_forces_exert_no_torque(configuration):
-    sim = simulation(configuration)
+def test_pressure_exerts_no_torque():
+    sim = simulation("none")
     x, a = sim.x, sim.a
     torque = x[:, 0] * a[:, 1] - x[:, 1] * a[:, 0]
     assert abs(torque.sum()) <= 1e-13 * np.abs(torque).sum()
@@ -187,7 +200,6 @@ def open_space(x, v):
     return simulation("open space", x=x, v=v, effects=STILL)
 
 
-STILL = Effects(gravity=(0.0, 0.0), xsph=True, artificial_viscosity=0.3, laminar_viscosity=0.02)
 CLOUD = scene("open space")
 X, V = dyadic(CLOUD.x), dyadic(CLOUD.v)
 shifts = st.integers(-1000, 1000)

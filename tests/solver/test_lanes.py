@@ -523,6 +523,7 @@ def test_one_lane_where_nothing_is_compiled(monkeypatch):
 # --- Other processors -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @every_path
 def test_all_that_is_here_on_every_path(path, tmp_path):
     run_tests(path, tmp_path, __file__, "-k", "compiled or record")

@@ -7,7 +7,7 @@ import pytest
 
 from sph_gym import CentralGravity, Effects, Motion, RollingTank, Scene, Simulation, Walls
 from sph_gym.solver.origin import moved, origin
-from tests.cases import DX, WATER, scene, square
+from tests.cases import DX, STILL, WATER, scene, square
 
 AWAY = np.array([1e4, -2e4])
 
@@ -16,7 +16,7 @@ def patch(by, **changes):
     """A square that flies to the right and rings."""
     x = 0.98 * square() + by
     arguments = {"x": x, "v": np.tile((1.0, 0.0), (len(x), 1))} | changes
-    return scene("xsph", dtype="float64", **arguments)
+    return scene("open space", dtype="float64", **({"effects": STILL} | arguments))
 
 
 @pytest.mark.without_jit
@@ -46,7 +46,7 @@ def test_a_fluid_10_km_away_moves_as_one_at_home():
 
 
 def test_angular_momentum_and_potential_energy_are_those_of_the_users_origin():
-    effects = Effects(gravity=(0.0, -9.81), xsph=True)
+    effects = replace(STILL, gravity=(0.0, -9.81))
     single, double = (Simulation(patch(AWAY, effects=effects), d) for d in ("float32", "float64"))
     for name in ("angular_momentum", "potential_energy", "com_x", "com_y"):
         one, other = single.diagnostics()[name], double.diagnostics()[name]

@@ -41,6 +41,7 @@ def test_fields_and_steps_are_those_of_the_naive_solver(neighbors, dtype):
     assert_close(sim.rho, naive.density(x), tolerance)
 
 
+@pytest.mark.slow
 @every_path
 def test_so_they_are_on_every_path(path, tmp_path):
     chosen = "naive"

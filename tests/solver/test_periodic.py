@@ -12,18 +12,13 @@ from tests.cases import (
     C0,
     DX,
     FREE,
-    LATER,
     PERIOD,
     STIFFNESS,
-    WIDTH,
     assert_close,
-    fluid,
     scene,
     simulation,
     uncompiled,
 )
-from tests.naive import Naive
-from tests.solver.test_forces import assert_same_fields
 from tests.solver.test_integrators import integrators
 from tests.solver.test_terms import PERIODS, agrees, periodic_cloud
 
@@ -256,13 +251,3 @@ def test_a_belt_that_moves_comes_round(pressure):
         assert np.abs(apart).max() < 1e-12
         assert at[:, 0].min() >= -1e-12
         assert at[:, 0].max() <= n * DX + 1e-12
-
-
-def test_the_channel_of_the_cases_is_periodic():
-    sim = simulation("channel", speed=0.5)
-    naive = Naive(sim.scene, sim.controls)
-    state = naive.start(np.asarray(sim.scene.x), np.asarray(sim.scene.v))
-    assert_same_fields(sim, naive, state, 1e-10)
-    assert LATER["channel"]["walls"].is_periodic
-    assert np.asarray(scene("channel").x).max() < WIDTH + DX
-    assert fluid(sim, "x").shape == (N * N, 2)

@@ -3,17 +3,15 @@
 import copy
 
 import numpy as np
-import pytest
 
 from sph_gym import Controls
 from sph_gym.solver.records import Kept
-from tests.cases import CONFIGURATIONS, simulation
+from tests.cases import configurations, simulation
 
 CONTROLS = [Controls(1e-4, 123.0, 0.0), Controls(1e-4, 1e6 / 3, 0.7), Controls(1e-4, 2.0, 1e-3)]
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
-@pytest.mark.parametrize("configuration", CONFIGURATIONS)
+@configurations
 def test_numbers_of_the_controls_are_written_to_their_places(configuration, dtype):
     engine = simulation(configuration, dtype=dtype).engine
     for controls in CONTROLS:
@@ -24,7 +22,7 @@ def test_numbers_of_the_controls_are_written_to_their_places(configuration, dtyp
 
 
 def test_a_record_that_a_call_may_still_read_stays_as_it_was():
-    engine = simulation("xsph").engine
+    engine = simulation("open space").engine
     before = engine.records()[1]
     kept = before.copy()
     engine.set_controls(CONTROLS[0])
@@ -33,7 +31,7 @@ def test_a_record_that_a_call_may_still_read_stays_as_it_was():
 
 
 def test_a_copy_has_records_of_its_own_arrays():
-    sim = simulation("box")
+    sim = simulation("everything")
     twin = copy.deepcopy(sim)
     assert sim.engine.records()[0].tobytes() != twin.engine.records()[0].tobytes()
 

@@ -287,6 +287,6 @@ def test_grid_and_brute_force_stay_together_over_many_steps():
 
 
 def test_scenes_may_hold_plain_lists():
-    start = scene("box")
+    start = scene("everything")
     listed = replace(start, x=np.asarray(start.x).tolist(), v=np.asarray(start.v).tolist())
     assert_same(Simulation(start), Simulation(listed))

@@ -5,24 +5,44 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sph_gym import Effects, Fluid, Gravity, Simulation
+from sph_gym import Fluid, Gravity, Simulation
 from sph_gym.solver.stepping import stable_dt
-from tests.cases import C0, CLOUDS, DX, assert_close, clouds, fluid, scene, simulation
+from tests.cases import (
+    ALL_EFFECTS,
+    C0,
+    CLOUDS,
+    DX,
+    assert_close,
+    compiled_cases,
+    configurations,
+    fluid,
+    scene,
+    simulation,
+)
 from tests.naive import Naive
-from tests.solver.test_forces import TOLERANCE, configurations
+from tests.solver.test_forces import TOLERANCE
 
 # half of dx / c0, long enough for the fast clouds to reach the box
 DT = 1e-3
 
 
-@clouds
-@configurations
+@compiled_cases
 def test_one_step_is_that_of_the_naive_solver(configuration, dtype, cloud):
     sim = simulation(configuration, cloud, dtype)
-    naive, tolerance = Naive(sim.scene, sim.controls), TOLERANCE[dtype]
-    start = naive.start(np.asarray(sim.scene.x), np.asarray(sim.scene.v))
     # the overlapping cloud starts with accelerations of up to 1e8 m/s^2
-    dt = DT / 100 if cloud == "overlapping" else DT
+    assert_naive_step(sim, DT / 100 if cloud == "overlapping" else DT, TOLERANCE[dtype])
+
+
+@configurations
+def test_one_step_by_brute_force_is_that_of_the_naive_solver(configuration, dtype):
+    sim = simulation(configuration, "jittered", dtype, "brute")
+    assert_naive_step(sim, DT, TOLERANCE[dtype])
+
+
+def assert_naive_step(sim, dt, tolerance):
+    """One step of a simulation from its start leads where the naive solver gets."""
+    naive = Naive(sim.scene, sim.controls)
+    start = naive.start(np.asarray(sim.scene.x), np.asarray(sim.scene.v))
     sim.controls = sim.controls._replace(dt=dt)
     assert sim.advance(dt).n_substeps == 1
     new = naive.go_on(start, dt)
@@ -31,10 +51,16 @@ def test_one_step_is_that_of_the_naive_solver(configuration, dtype, cloud):
     assert_close(sim.rho[: sim.n_fluid], new.rho, tolerance)
 
 
-@pytest.mark.parametrize("configuration", ["everything", "everything, wendland", "xsph"])
-def test_several_steps_are_those_of_the_naive_solver(configuration):
+@pytest.mark.parametrize(
+    ("configuration", "gravity"),
+    [
+        ("everything", Gravity(1.5, -9.81, ramp=3.5e-4)),
+        ("open space", Gravity(0.0, 0.0)),
+        ("periodic", None),
+    ],
+)
+def test_several_steps_are_those_of_the_naive_solver(configuration, gravity):
     effects = scene(configuration).effects
-    gravity = Gravity(1.5, -9.81, ramp=3.5e-4) if effects.gravity else None
     sim = simulation(configuration, effects=replace(effects, gravity=gravity))
     naive = Naive(sim.scene, sim.controls)
     x, v, dt = np.asarray(sim.scene.x), np.asarray(sim.scene.v), 1e-4
@@ -52,7 +78,7 @@ def test_several_steps_are_those_of_the_naive_solver(configuration):
 
 def fall(ramp=0.0, **more):
     gravity = Gravity(1.5, -9.81, ramp)
-    return simulation("gravity", effects=Effects(gravity=gravity), **more)
+    return simulation("open space", effects=replace(ALL_EFFECTS, gravity=gravity), **more)
 
 
 @pytest.mark.without_jit
@@ -124,13 +150,13 @@ def test_stable_dt_is_the_smallest_limit():
 
 
 @pytest.mark.parametrize("cloud", CLOUDS)
-@pytest.mark.parametrize("configuration", ["none", "laminar viscosity"])
+@pytest.mark.parametrize("configuration", ["none", "open space"])
 def test_stable_dt_of_a_simulation(configuration, cloud):
     sim = simulation(configuration, cloud)
     h, c = sim.scene.h, np.sqrt(7 * sim.controls.stiffness / 1000.0)
     limits = [0.4 * h / c, 0.25 * np.sqrt(h / np.linalg.norm(sim.a, axis=1).max())]
-    if configuration == "laminar viscosity":
-        limits.append(0.125 * h**2 / 0.02)
+    if configuration == "open space":
+        limits.append(0.125 * h**2 / ALL_EFFECTS.laminar_viscosity)
     assert sim.stable_dt() == pytest.approx(min(limits), rel=1e-12)
 
 

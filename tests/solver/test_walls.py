@@ -5,14 +5,21 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, Walls, lattice, scenes, tank_particles
-from tests.cases import BOX, DX, WIDTH, fluid, scene, simulation
+from tests.cases import BOX, DX, STILL, WIDTH, fluid, scene, simulation, uncompiled
+
+TINY = np.array([(50.0, 50.0)])  # one boundary particle, far out of the way
 
 
-def bounce(x, v, restitution, dtype="float64"):
+def boxed(x, v, box, restitution=0.5, **more):
+    """A lonely particle in a box."""
+    walls = Walls(TINY, box=box, restitution=restitution)
+    return simulation("everything", x=[x], v=[v], walls=walls, effects=STILL, **more)
+
+
+def bounce(x, v, restitution):
     """A lonely particle in a unit box after one step of 0.01 s."""
-    walls = Walls(box=(0.0, 1.0, 0.0, 1.0), restitution=restitution)
     controls = scene().controls._replace(dt=0.01)
-    sim = simulation("box", dtype=dtype, x=[x], v=[v], walls=walls, controls=controls)
+    sim = boxed(x, v, (0.0, 1.0, 0.0, 1.0), restitution, controls=controls)
     sim.advance(0.01)
     return sim.x[0], sim.v[0]
 
@@ -44,8 +51,7 @@ def test_a_particle_that_comes_back_by_itself_keeps_its_velocity():
 
 
 def test_an_infinite_side_is_open():
-    walls = Walls(box=(-math.inf, math.inf, 0.0, math.inf))
-    sim = simulation("box", x=[(0.0, 1.0)], v=[(-50.0, 70.0)], walls=walls)
+    sim = boxed((0.0, 1.0), (-50.0, 70.0), (-math.inf, math.inf, 0.0, math.inf))
     dt = sim.controls.dt
     sim.advance(5 * dt)
     assert sim.x[0] == pytest.approx([-250 * dt, 1.0 + 350 * dt])
@@ -69,9 +75,6 @@ def test_nothing_leaves_the_box(dtype):
     assert touched.all()
 
 
-TINY = np.array([(50.0, 50.0)])  # one boundary particle, far out of the way
-
-
 # --- Boundary particles ---------------------------------------------------------------------
 
 
@@ -86,13 +89,13 @@ def test_boundary_particles_stay_where_they_are():
 
 def test_boundary_particles_push_before_a_particle_arrives():
     x = np.asarray(scene(cloud="lattice 3").x) - (0.0, 0.3 * DX)
-    sim = simulation("wall particles", "lattice 3", x=x, v=None)
+    sim = simulation("everything", "lattice 3", effects=STILL, x=x, v=None)
     lowest = x[:, 1] == x[:, 1].min()
     assert fluid(sim, "a")[lowest, 1].min() > 9.81
 
 
 def test_a_lattice_in_step_with_its_tank_feels_nothing():
-    sim = simulation("wall particles", "lattice 3", v=None)
+    sim = simulation("everything", "lattice 3", effects=STILL, v=None)
     x = fluid(sim, "x")
     reached = (x[:, 1] < WIDTH - 3.1 * DX) & (fluid(sim, "rho") > 0)
     assert reached.sum() > 80
@@ -141,6 +144,7 @@ def test_who_gets_into_a_wall_is_reported_at_the_end_of_that_step(mach, neighbor
     assert sim.advance(1e-5).diverged == inside
 
 
+@uncompiled
 @pytest.mark.parametrize("integrator", ["kick_drift_kick", "predictor_corrector"])
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_every_integrator_tells_who_gets_into_a_wall(integrator, dtype):
@@ -150,6 +154,7 @@ def test_every_integrator_tells_who_gets_into_a_wall(integrator, dtype):
     assert sim.time == pytest.approx(report.n_substeps * report.dt)
 
 
+@uncompiled
 @pytest.mark.parametrize(
     "guard", [{"box": (-9.0, 9.0, 0.0, 9.0)}, {"plates": [(-0.5, 0.0, 0.5, 0.0)]}]
 )
@@ -160,6 +165,7 @@ def test_nobody_gets_into_a_wall_with_a_guard_at_its_face(mach, guard):
     assert sim.x[1, 1] >= 0
 
 
+@uncompiled
 @pytest.mark.parametrize("mach", [0.9, 4.0, 30.0])
 def test_nobody_gets_into_an_obstacle_within_a_box_unnoticed(mach):
     sim = stray(mach, guard={"box": (-9.0, 9.0, -1.0, 9.0)})
@@ -179,6 +185,7 @@ def test_strays_may_be_as_fast_as_they_like_where_no_wall_is_in_their_way(mach, 
     assert fluid(sim, "v")[1] == pytest.approx(10.0 * mach * np.array(direction), abs=5.0)
 
 
+@uncompiled
 @pytest.mark.parametrize("mach", [4.0, 30.0])
 def test_nobody_leaps_through_a_wall_at_the_end_of_a_periodic_domain_unnoticed(mach):
     sim = stray(mach, start=(0.0, 0.1), direction=(0.6, -0.8), guard={"period_x": (-0.5, 0.5)})

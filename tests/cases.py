@@ -258,6 +258,13 @@ def simulation(configuration="none", cloud="jittered", dtype="float64", neighbor
     return Simulation(scene(configuration, cloud, dtype, **more), dtype, neighbors)
 
 
+def set_entries(engine, entries):
+    """Let the neighbour lists of an engine have room for so many entries as the array has."""
+    cells = engine.world.cells
+    lists = cells.lists._replace(entries=entries)
+    engine.world = engine.world._replace(cells=cells._replace(lists=lists))
+
+
 def fluid(sim, field):
     """The fluid's part of a field of `sim`, in float64."""
     return np.asarray(getattr(sim, field)[: sim.n_fluid], dtype=np.float64)

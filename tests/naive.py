@@ -291,7 +291,7 @@ class Naive:
         self.h, self.eps = scene.h, controls.xsph if scene.effects.xsph else 0.0
         self.kernel = KERNELS[fluid.kernel]
         self.mass = calibrated_mass(self.kernel, scene.h, scene.dx, fluid.rho0)
-        self.gamma = {"tait": fluid.gamma, "linear": 1.0}[fluid.eos]
+        self.gamma = fluid.gamma
         has_wall_particles = walls is not None and walls.particles is not None
         self.wall_x = np.array(walls.particles) if has_wall_particles else np.empty((0, 2))
         self.extrapolates = has_wall_particles and walls.pressure == "extrapolated"

@@ -299,7 +299,6 @@ def any_scene(draw):
     fluid = Fluid(
         c0=draw(st.floats(1.0, 100.0)),
         kernel=draw(st.sampled_from(sorted(ALL_KERNELS))),
-        eos=draw(st.sampled_from(["tait", "linear"])),
         clamp=draw(st.booleans()),
     )
     arguments = {

@@ -34,14 +34,16 @@ class Ledger:
     # Shares of c0: slower than all the fluid moving at this speed, no energy is a burst; and rest.
     FLOW, REST = 0.012, 1e-4
 
-    def __init__(self, scene: Scene, mass: float, totals: Totals) -> None:
-        fluid_mass = mass * len(np.asarray(scene.x))
-        rest = fluid_mass * (self.REST * scene.fluid.c0) ** 2
-        top_speed = 0.0 if scene.walls is None else scene.walls.top_speed
+    def __init__(self, totals: Totals, at_stake: float, rest: float, driven: bool = False) -> None:
+        """Begin with the totals of the start.
+
+        at_stake: energy at stake besides them; rest: energy that counts as none [J/m]; driven:
+        whether walls do work.
+        """
         self.expected = totals.kinetic + totals.internal
-        self.at_stake = self.expected + _energy_scale(scene, fluid_mass, top_speed) + rest
+        self.at_stake = self.expected + at_stake + rest
         quiet = 0.5 * (self.FLOW / self.REST) ** 2 * rest
-        self._least_burst = math.inf if top_speed > 0 else quiet
+        self._least_burst = math.inf if driven else quiet
         self.gravity_work = self.deepest = self.control_work = 0.0
 
     def add_gravity(self, work: float) -> None:
@@ -86,17 +88,21 @@ class Ledger:
         self.expected, self.at_stake, self.gravity_work, self.deepest, self.control_work = numbers
 
 
-def _energy_scale(scene: Scene, fluid_mass: float, top_speed: float) -> float:
-    """Return the energy at stake [J/m] besides what the fluid holds at the start.
+def make_ledger(scene: Scene, mass: float, totals: Totals) -> Ledger:
+    """Return the ledger of a scene with particles of this mass [kg/m].
 
-    It is the weight times the size of the fluid, its motion with the speed of the walls, and the
-    surface that it may lose.
+    At stake are the weight times the size of the fluid, its motion with the speed of the walls,
+    and the surface that it may lose.
     """
+    fluid_mass = mass * len(np.asarray(scene.x))
+    top_speed = 0.0 if scene.walls is None else scene.walls.top_speed
     size = float(np.ptp(np.asarray(scene.x), axis=0).sum()) + scene.dx
     reach = float(np.abs(np.asarray(scene.x)).max()) + size
     weight = 0.0 if scene.effects.field is None else scene.effects.field.strongest(reach)
     surface = 4 * size * (scene.effects.surface_tension or 0.0)
-    return fluid_mass * (weight * size + top_speed**2) + surface
+    at_stake = fluid_mass * (weight * size + top_speed**2) + surface
+    rest = fluid_mass * (Ledger.REST * scene.fluid.c0) ** 2
+    return Ledger(totals, at_stake, rest, driven=top_speed > 0)
 
 
 class GravityWork:

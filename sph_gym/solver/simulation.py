@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sph_gym.solver import diagnostics, failure, stepping, teams
 from sph_gym.solver.checks import known, positive, whole
 from sph_gym.solver.diagnostics import ALL, Request
-from sph_gym.solver.energy import GravityWork, Ledger
+from sph_gym.solver.energy import GravityWork, make_ledger
 from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.model import particle_mass
@@ -112,7 +112,7 @@ class Simulation:
         self._underway: _Underway | None = None
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
-        self._ledger = Ledger(self._local, self.mass, self._totals)
+        self._ledger = make_ledger(self._local, self.mass, self._totals)
         self._gravity = GravityWork(self._local, self.mass)
         self._gravity.look(0.0, self._local_x, self.v)
         self._substeps, self._onset = 0.0, failure.Onset()

@@ -10,7 +10,7 @@ from numba.core import config
 
 from sph_gym import Controls, advance_all
 from sph_gym.solver.batch import _bounds
-from tests.cases import STIFFNESS, scene, simulation, square
+from tests.cases import STIFFNESS, scene, set_entries, simulation, square
 from tests.solver.test_simulation import assert_same
 
 
@@ -91,9 +91,7 @@ def test_one_that_blows_up_leaves_the_others_alone():
 def test_lists_grow():
     alone, together = some(), some()
     for sim in together:
-        world = sim.engine.world
-        short = world.lists._replace(entries=np.zeros(64, np.int32))
-        sim.engine.world = world._replace(lists=short)
+        set_entries(sim.engine, np.zeros(64, np.int32))
         sim.engine.renew(sim.time)
     advance_all(together, 1e-2)
     for sim in alone:

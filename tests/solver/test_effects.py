@@ -40,8 +40,8 @@ PLAIN = {"x", "y", "u", "v", "rho", "stress", "id"}
 @pytest.mark.parametrize("named", [None, *NAMED])
 def test_what_is_not_named_is_none_to_the_compiler(named):
     model = simulation("none", effects=NAMED.get(named, Effects())).engine.model
-    parts = ("gravity", "box", "plates", "alone", "extrapolation", "stroke", "halves")
-    assert [getattr(model, part) for part in parts] == [None] * 7
+    parts = ("gravity", "box", "plates", "unbacked_walls", "extrapolation", "stroke")
+    assert [getattr(model, part) for part in parts] == [None] * 6
     assert (model.constants.period_x, model.constants.period_y) == (None, None)
     for effects in (model.effects, model.wall_effects):
         for effect in NAMED:

@@ -17,7 +17,7 @@ SOLVER = Path(jit.__file__).parent
 # compiles one small function, in a fresh interpreter
 SMALL = """
 from sph_gym.solver.jit import jit
-from sph_gym.solver.walls import reflect
+from sph_gym.solver.confinement import reflect
 
 @jit
 def bounce(x, u):

@@ -9,7 +9,6 @@ from sph_gym import Controls
 from sph_gym.solver.neighbors import (
     CELLS_PER_PARTICLE,
     cell,
-    count_cells,
     lay_grid,
     make_sorting,
     read_grid,
@@ -117,7 +116,7 @@ def sorted_by_cells(x):
     assert lay_grid(sorting.frame, source, H, n_cells)
     assert not lay_grid(sorting.frame, source, H, n_cells)  # it is there
     grid = read_grid(sorting.frame)
-    assert sort_into_cells(0, 1, make_team(), grid, source, target, sorting, start)
+    assert sort_into_cells(0, 1, make_team(), source, target, sorting, start)
     present = {name: a[: len(x)] for name, a in target._asdict().items() if a is not None}
     return grid, start, target._replace(**present)
 
@@ -131,8 +130,8 @@ def test_sort_keeps_every_particle_whole_and_in_its_cell(cloud):
     assert (target.u == 2.0 * target.id).all()
     assert (target.v == 2.0 * target.id + 1.0).all()
     assert start[0] == 0
-    assert start[count_cells(grid)] == len(x)
-    for c in range(count_cells(grid)):
+    assert start[grid.n_columns * grid.n_rows] == len(x)
+    for c in range(grid.n_columns * grid.n_rows):
         ids = target.id[start[c] : start[c + 1]]
         assert all(cell(grid, *x[i]) == c for i in ids)
         assert (np.diff(ids) > 0).all()  # stable
@@ -142,14 +141,14 @@ def test_sort_keeps_every_particle_whole_and_in_its_cell(cloud):
 def test_a_position_that_is_no_number_has_a_cell():
     grid, _, _ = sorted_by_cells(np.asarray(scene().x))
     assert cell(grid, np.nan, np.nan) == 0
-    assert cell(grid, np.inf, np.inf) == count_cells(grid) - 1
+    assert cell(grid, np.inf, np.inf) == grid.n_columns * grid.n_rows - 1
     assert cell(grid, -np.inf, -np.inf) == 0
 
 
 @given(crowds)
 def test_strays_do_not_inflate_the_grid(x):
     grid, _, _ = sorted_by_cells(np.array(x))
-    assert 1 <= count_cells(grid) <= CELLS_PER_PARTICLE * len(x) + 64
+    assert 1 <= grid.n_columns * grid.n_rows <= CELLS_PER_PARTICLE * len(x) + 64
 
 
 @pytest.mark.without_jit
@@ -158,5 +157,5 @@ def test_a_fluid_so_far_away_that_all_are_in_one_place_has_a_grid(far):
     x = np.asarray(scene().x) + np.array((far, 0.0))
     grid, _, target = sorted_by_cells(x)
     assert grid.n_columns >= 1
-    assert 1 <= count_cells(grid) <= CELLS_PER_PARTICLE * len(x) + 64
+    assert 1 <= grid.n_columns * grid.n_rows <= CELLS_PER_PARTICLE * len(x) + 64
     assert sorted(target.id) == list(range(len(x)))

@@ -101,4 +101,4 @@ def test_a_slow_particle_arrives_in_single_precision(x):
     sim = Simulation(scene("none", x=start, v=v, duration=1.0), "float32")
     sim.controls = sim.controls._replace(dt=1e-3)
     assert not sim.advance(1.0).diverged
-    assert sim._places[0, 0] - (x - sim._origin[0]) == pytest.approx(3e-3, rel=0.01)
+    assert sim._local_x[0, 0] - (x - sim._origin[0]) == pytest.approx(3e-3, rel=0.01)

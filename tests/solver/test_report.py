@@ -8,7 +8,7 @@ import pytest
 
 from sph_gym import Fluid, Simulation, scenes
 from sph_gym.solver import failure
-from sph_gym.solver.diagnostics import Ledger
+from sph_gym.solver.energy import Ledger
 from sph_gym.solver.failure import CAUSES
 from tests.cases import C0, MOVING, STIFFNESS, STILL, configurations, fluid, simulation, uncompiled
 from tests.solver.test_simulation import FIELDS
@@ -176,7 +176,7 @@ def test_whatever_the_integrator_a_blow_up_leaves_a_finite_state(
 
 
 def ledger(stake=1.0, driven=False):
-    """One that begins with nothing, and what it says of energies [J/m] of the end of a leg."""
+    """One that begins with nothing, and what it says of energies [J/m] of the end of a chunk."""
     nothing = simulation("none", speed=0.0)._totals._replace(kinetic=0.0, internal=0.0)
     found = Ledger(nothing, stake, 1e-8, driven)
     return lambda held, before: found.blown(nothing._replace(kinetic=held), before)

@@ -15,7 +15,15 @@ import pytest
 from sph_gym import Simulation, scenes
 from sph_gym.solver import engine, simulation, stepping, teams
 from sph_gym.solver.jit import jit
-from tests.cases import STIFFNESS, WATER, assert_close, configurations, fluid, scene
+from tests.cases import (
+    STIFFNESS,
+    WATER,
+    assert_close,
+    configurations,
+    fluid,
+    scene,
+    set_entries,
+)
 from tests.naive import Naive
 from tests.solver.test_simulation import FIELDS, assert_same
 
@@ -390,10 +398,8 @@ def test_nobody_waits_busily_between_two_calls():
 
 def cut_lists(sim):
     """Leave no more of the lists than the present neighbours need."""
-    world = sim.engine.world
-    used = int(world.lists.groups.max())
-    lists = world.lists._replace(entries=world.lists.entries[:used].copy())
-    sim.engine.world = world._replace(lists=lists)
+    lists = sim.engine.world.cells.lists
+    set_entries(sim.engine, lists.entries[: int(lists.groups.max())].copy())
 
 
 @compiled
@@ -409,7 +415,7 @@ def test_lists_that_are_too_short_grow_and_nobody_notices(dtype, n_threads, monk
 
     monkeypatch.setattr(engine, "make_lists", make_tiny_lists)
     sim = simulate(n_threads, dtype)
-    assert sim.engine.world.lists.entries.size > 64
+    assert sim.engine.world.cells.lists.entries.size > 64
     assert go_on(sim) == reports
     assert_same(sim, usual)
 
@@ -428,9 +434,9 @@ def test_a_first_guess_of_nothing_is_enough(monkeypatch):
 def test_lists_grow_in_the_middle_of_a_call(dtype):
     usual, cut = simulate(1, dtype), simulate(1, dtype)
     cut_lists(cut)
-    before = cut.engine.world.lists.entries.size
+    before = cut.engine.world.cells.lists.entries.size
     assert go_on(cut) == go_on(usual)
-    assert cut.engine.world.lists.entries.size > before
+    assert cut.engine.world.cells.lists.entries.size > before
     assert_same(cut, usual)
 
 

@@ -194,18 +194,18 @@ def test_nobody_leaps_through_a_wall_at_the_end_of_a_periodic_domain_unnoticed(m
 
 
 @pytest.mark.without_jit
-def test_walls_stand_alone_where_neither_plates_nor_the_box_are_before_them():
+def test_walls_are_unbacked_where_neither_plates_nor_the_box_are_before_them():
     dx, h, box = 0.05, 0.13, (0.0, 1.0, 0.0, np.inf)
     tank = tank_particles(1.0, 0.5, dx)
     obstacle = np.concatenate([tank, lattice(0.4, 0.6, 0.0, 0.2, dx)])
     elsewhere = [(0.3, 0.4, 0.7, 0.4)]
     around = [(0.4, 0.0, 0.4, 0.2), (0.4, 0.2, 0.6, 0.2), (0.6, 0.2, 0.6, 0.0)]
-    assert Walls(tank).stand_alone(dx, h)
-    assert not Walls(tank, box=box).stand_alone(dx, h)
-    assert Walls(obstacle, box=box).stand_alone(dx, h)
-    assert Walls(obstacle, box=box, plates=elsewhere).stand_alone(dx, h)
-    assert not Walls(obstacle, box=box, plates=around).stand_alone(dx, h)
-    assert not Walls(box=box).stand_alone(dx, h)
+    assert Walls(tank).has_unbacked(dx, h)
+    assert not Walls(tank, box=box).has_unbacked(dx, h)
+    assert Walls(obstacle, box=box).has_unbacked(dx, h)
+    assert Walls(obstacle, box=box, plates=elsewhere).has_unbacked(dx, h)
+    assert not Walls(obstacle, box=box, plates=around).has_unbacked(dx, h)
+    assert not Walls(box=box).has_unbacked(dx, h)
 
 
 def test_a_hole_of_one_particle_is_no_wall():

@@ -251,33 +251,31 @@ EXAMPLES = re.findall(r"^## (Add .+)$", ARCHITECTURE, re.MULTILINE)
 
 
 def change(folder, text):
-    """Apply a diff block: a line `--- path`, then hunks, separated by `@@`, that are found once."""
+    """Apply a diff block: `--- path`, then hunks after `@@`, found once each; return the path."""
     head, *hunks = re.split(r"^@@.*\n", text, flags=re.MULTILINE)
-    path = folder / head.split()[1]
+    name = head.split()[1]
     for hunk in hunks:
         lines = hunk.splitlines(keepends=True)
         old = "".join(line[1:] for line in lines if line[0] in " -")
         new = "".join(line[1:] for line in lines if line[0] in " +")
-        assert path.read_text().count(old) == 1, f"{path.name}: expected once:\n{old}"
-        path.write_text(path.read_text().replace(old, new))
+        before = (folder / name).read_text()
+        assert before.count(old) == 1, f"{name}: expected once:\n{old}"
+        (folder / name).write_text(before.replace(old, new))
+    return name
 
 
 def put_in(folder, heading):
-    """Put the example of a section into a copy of the tree; return its new test files."""
-    tests = []
+    """Put the example of a section into a copy of the tree; return the paths that it touches."""
+    touched = []
     for language, text in BLOCK.findall(section(ARCHITECTURE, heading)):
-        named = FILE.match(text)
         if language == "diff":
-            change(folder, text)
-        elif named:
+            touched.append(change(folder, text))
+        elif named := FILE.match(text):
             path, body = folder / named[2], text[named.end() :].lstrip("\n")
-            if named[1]:
-                path.write_text(f"{path.read_text()}\n\n{body}")
-            else:
-                assert not path.exists(), path
-                path.write_text(body)
-            tests += [named[2]] if path.name.startswith("test_") else []
-    return tests
+            assert path.exists() == bool(named[1]), path
+            path.write_text(f"{path.read_text()}\n\n{body}" if named[1] else body)
+            touched.append(named[2])
+    return touched
 
 
 @pytest.fixture
@@ -291,19 +289,19 @@ def copy(tmp_path):
 
 
 def check(folder, heading, without_jit):
-    tests = put_in(folder, heading)
+    touched = put_in(folder, heading)
+    tests = [path for path in touched if "/test_" in path]
     assert tests
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", *tests],
-        cwd=folder, capture_output=True, text=True, timeout=600,
-        env=os.environ | {"NUMBA_DISABLE_JIT": without_jit, "PYTHONPATH": str(folder)},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    for tool in (["check", "--no-cache"], ["format", "--check", "--no-cache"]):
+    for tool in (
+        ["pytest", "-n", "0", "-p", "no:cacheprovider", *tests],
+        ["ruff", "check", "--no-cache", *touched],
+        ["ruff", "format", "--check", "--no-cache", *touched],
+    ):
         done = subprocess.run(
-            [sys.executable, "-m", "ruff", *tool, "."], cwd=folder, capture_output=True, text=True
-        )
-        assert done.returncode == 0, done.stdout
+            [sys.executable, "-m", *tool], cwd=folder, capture_output=True, text=True, timeout=600,
+            env=os.environ | {"NUMBA_DISABLE_JIT": without_jit, "PYTHONPATH": str(folder)},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("heading", EXAMPLES)

@@ -1,8 +1,9 @@
 """Everything that README.md and the pages in docs/ show works as it stands there.
 
-Python blocks are run. A block whose first line is the comment `# path/to/file.py` is a new file of
-an example, and a diff block changes a file: all of a section are put into a copy of the tree, where
-its tests are run. A section with a `TO FILL` comment is not finished; its examples are skipped.
+Python blocks are run. A block that begins with `# path/to/file.py` is a new file of an example, one
+with `# path/to/file.py, before "text"` a new part of a file, and a diff block changes a file. All
+of a section are put into a copy of the tree, where its tests are run. A section with a `TO FILL`
+comment is not finished; its examples are skipped.
 """
 
 import io
@@ -33,7 +34,7 @@ PAGES = {
 }
 README, ARCHITECTURE = PAGES["README.md"], PAGES["docs/architecture.md"]
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-FILE = re.compile(r"# (at the end of )?([\w/]+\.py)\n")
+FILE = re.compile(r'# ([\w/]+\.py)(?:, before "(.+)")?\n')
 CODE = re.compile(r"`([^`\n]+)`")
 
 
@@ -53,7 +54,7 @@ INLINE = [code for text in PAGES.values() for code in CODE.findall(BLOCK.sub("",
 COMMANDS = sorted({line for line in SHELL if line.startswith("python -m")})
 MENTIONED = sorted({code for code in INLINE if code.startswith("python -m")})
 TARGETS = sorted({line.split()[1] for line in [*SHELL, *INLINE] if line.startswith("make ")})
-NEW = {Path(found[2]).stem for b in BLOCKS if (found := FILE.match(b.text))}
+NEW = {Path(found[1]).stem for b in BLOCKS if (found := FILE.match(b.text))}
 CALLS = sorted({code for code in INLINE if re.fullmatch(r"env\.[\w.]+\(\)", code)})
 
 
@@ -264,6 +265,16 @@ def change(folder, text):
     return name
 
 
+def insert(path, body, before):
+    """Write a new file, or put text before the only line of a file that begins with `before`."""
+    assert path.exists() == (before is not None), path
+    if before is not None:
+        head, *rest = re.split(rf"^(?={re.escape(before)})", path.read_text(), flags=re.MULTILINE)
+        assert len(rest) == 1, f"{path.name}: expected once: {before}"
+        body = f"{head}{body}\n\n{rest[0]}"
+    path.write_text(body)
+
+
 def put_in(folder, heading):
     """Put the example of a section into a copy of the tree; return the paths that it touches."""
     touched = []
@@ -271,10 +282,8 @@ def put_in(folder, heading):
         if language == "diff":
             touched.append(change(folder, text))
         elif named := FILE.match(text):
-            path, body = folder / named[2], text[named.end() :].lstrip("\n")
-            assert path.exists() == bool(named[1]), path
-            path.write_text(f"{path.read_text()}\n\n{body}" if named[1] else body)
-            touched.append(named[2])
+            touched.append(named[1])
+            insert(folder / named[1], text[named.end() :].lstrip("\n"), before=named[2])
     return touched
 
 

@@ -304,7 +304,7 @@ def copy(tmp_path):
 def check(folder, heading, without_jit):
     touched = put_in(folder, heading)
     [tests] = re.findall(
-        r"^\.venv/bin/python -m (pytest .+)$", section(ARCHITECTURE, heading), re.M
+        r"^[\w= ]*\.venv/bin/python -m (pytest .+)$", section(ARCHITECTURE, heading), re.M
     )
     for tool in (
         [*shlex.split(tests), "-p", "no:cacheprovider"],

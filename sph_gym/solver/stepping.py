@@ -226,7 +226,7 @@ def compute_densities(rank, n_threads, cells, status, team, model, grid, length)
             rank, n_threads, first, last, cells, model, grid, length
         )
     status[rank, FULL], status[rank, LISTED] = full or end > room, end
-    status[rank, WALLED] = walled
+    note_walled(cells.walls, status, rank, walled)
     return meet(team, n_threads) and not any_full(status, n_threads)
 
 
@@ -254,6 +254,14 @@ def _first(status, n_threads, kind):
         if status[t, kind] >= 0:
             return status[t, kind]
     return -1
+
+
+@jitable
+def note_walled(walls, status, rank, walled):
+    """Write down the first particle of a thread's share that is inside a wall."""
+    if walls is None:
+        return
+    status[rank, WALLED] = walled
 
 
 @jitable
@@ -397,8 +405,9 @@ def _advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
             model.integrator, rank, n_threads, world, model, began, length, k == last_move
         ):
             return
-        # a whole step that put a particle into a wall is the last one
-        if k > 0 and any_walled(cells.walls, status, n_threads):
+        # a whole step that put a particle into a wall is the last one; the part that may be absent
+        # is asked first: only so nothing is left of the condition
+        if any_walled(cells.walls, status, n_threads) and k > 0:
             status[rank, BAD] = status[rank, WALLED]
             break
     status[rank, WHOLE] = 1

@@ -1,50 +1,55 @@
-"""A point of a diagram: one run, its error, its work and its times, each kept on disk.
+"""Points of a diagram: one run each, its error, its work and its times, kept on disk.
 
-Error and work are the same whenever a point is run again, to the last bit, and lie in one file
-with all that they depend on; times lie in another, so that they can be taken anew.
+Error and work are the same whenever a point is run again, to the last bit, and are kept with all
+that they depend on; times are kept apart, so that they can be taken anew.
 """
 
 import json
 import math
 from dataclasses import replace
-from functools import partial
+from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.studies import store
-from sph_gym.studies.accuracy import policies, shelf
-from sph_gym.studies.accuracy.benchmark import rate
-from sph_gym.studies.accuracy.problems import Problem
-from sph_gym.studies.accuracy.running import Outcome, execute
-from sph_gym.studies.accuracy.settings import Setting, build
+from sph_gym.controllers.network import shipped_network
+from sph_gym.provenance import content_hash
+from sph_gym.recommend.runs import RunOutcome, Schedule, execute, rate
+from sph_gym.recommend.settings import Setting, build, is_agent
+from sph_gym.scenes.refinement import Refinement
+from sph_gym.studies import machine
+from sph_gym.studies.accuracy import agents
+from sph_gym.studies.results import COMMON, Results
 
-# What is short is run more often, up to so much time [s] and so many runs.
+# Runs that are short are repeated, up to so much time [s] and so many runs.
 PATIENCE, MOST = 0.1, 5
-# So is what differs: up to so much of the median, the three runs around it.
+# So are runs whose times differ by more than this share of the median, the three runs around it.
 AGREED, FEWEST = 0.15, 3
 # An error above this is none that a diagram could show: 1000 %.
 ABSURD = 10.0
-# Of an agent that doesn't get to the end of its own episode.
-LOST = Outcome(
+# Times of the runs of a point: by the clock, of processor time, and the benchmark beside them.
+CLOCKS = ("wall", "own")
+PER_RUN = (*CLOCKS, "rate")
+# Outcome of an agent that doesn't get to the end of its own episode.
+LOST = RunOutcome(
     math.nan, "its agent blew up", [], 1.0, 0, 0, 0.0, math.nan, math.nan, math.nan, math.nan
 )  # fmt: skip
 
 
 class Point(NamedTuple):
-    """What is known of a run.
+    """One run as the study has it.
 
-    knob: which one was turned; error: share of what the problem says, nan after a blow-up; cause:
-    of the blow-up; seconds: of physical time; particles: fluid and wall; substeps, interactions:
-    steps and pairs (i, j) of their force evaluations; compression, mach: as of an `Outcome`;
-    wall, own: median seconds of the whole run
-    on the wall and of the thread's processor time; rate: of the benchmark right before and after
-    [particle-steps/s]; effort: median of own times rate, the particle-steps of the benchmark that
-    take as long; runs: of which these are medians, spread: the range of the three efforts around
-    the median / the median; differing: runs whose error differed, which should be none; speed: of
-    the benchmark on the machine on which times are told.
+    knob: which setting was changed; error: share of what the refinement series says, NaN after a
+    blow-up; cause: of the blow-up; seconds: of physical time; particles: fluid and wall; substeps,
+    interactions: steps and pairs (i, j) of their force evaluations; compression, mach: as of a
+    `RunOutcome`; wall, own: median seconds of the whole run by the clock and of processor time;
+    rate: of the benchmark right before and after [particle-steps/s]; effort: median of own times
+    rate, the particle-steps of the benchmark that take as long; runs: of which these are medians;
+    spread: the range of the three efforts around the median / the median; differing: runs whose
+    error differed, which should be none; speed: of the benchmark on the machine for which times are
+    given.
     """
 
     scene: str
@@ -76,13 +81,8 @@ class Point(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """The same per simulated second."""
+        """Processor seconds per simulated second."""
         return self.time / self.seconds
-
-    @property
-    def particle_steps(self) -> float:
-        """Per simulated second."""
-        return self.particles * self.substeps / self.seconds
 
     @property
     def good(self) -> bool:
@@ -93,52 +93,117 @@ class Point(NamedTuple):
 # --- On disk --------------------------------------------------------------------------------
 
 
-def point(
-    problem: Problem,
-    knob: str,
-    setting: Setting,
-    folder: Path,
-    repeats: int = 3,
-    again: bool = False,
-    other: int = 0,
+class Sampling(NamedTuple):
+    """Where points are kept, how often each is run at least, and whether times are taken anew."""
+
+    folder: Path
+    repeats: int = 3
+    again: bool = False
+
+    def results(self, kind: str, setting: Setting) -> Results:
+        """Return the store of "points", "times" or "schedules"."""
+        common = COMMON if is_agent(setting.controller) else tuple(p for p in COMMON if p != "env")
+        sources = ("recommend/settings.py", "recommend/runs.py")
+        return Results(self.folder / kind, *sources, common=common)
+
+
+def key_of(case: Refinement, setting: Setting, other: int) -> dict[str, Any]:
+    """Return all that the error of a point depends on, sources apart."""
+    network = shipped_network(setting.controller, case.scene)
+    return {
+        "scene": case.scene,
+        "arguments": case.given(other),
+        "length": case.length,
+        "measure": case.measure,
+        "joined": case.joined,
+        "setting": setting._asdict(),
+        "network": content_hash(network) if network.is_file() else "",
+        "numpy": np.__version__,
+    }
+
+
+def _versions() -> dict[str, str]:
+    try:
+        return {**machine.describe(), "sph_gym": metadata.version("sph_gym")}
+    except metadata.PackageNotFoundError:
+        return machine.describe()
+
+
+def _are_numbers(values: Any) -> bool:
+    return isinstance(values, list) and all(type(value) in (int, float) for value in values)
+
+
+def is_record(kept: Any) -> bool:
+    """Return whether a stored result is the record of a point."""
+    outcome = kept.get("outcome") if isinstance(kept, dict) else None
+    if not isinstance(outcome, dict):
+        return False
+    numbers = [n for n in RunOutcome._fields if n not in (*CLOCKS, "cause", "measures")]
+    return isinstance(outcome.get("cause"), str) and _are_numbers([*map(outcome.get, numbers)])
+
+
+def _is_times(kept: Any) -> bool:
+    lists = [kept.get(name) for name in PER_RUN] if isinstance(kept, dict) else [None]
+    return (
+        all(map(_are_numbers, lists))
+        and len({len(own) for own in lists if own is not None}) == 1
+        and type(kept.get("differing")) is int
+    )
+
+
+def _is_schedule(kept: Any) -> bool:
+    frames = kept.get("controls") if isinstance(kept, dict) else None
+    return isinstance(frames, list) and all(_are_numbers(f) and len(f) == 3 for f in frames)
+
+
+# --- Running --------------------------------------------------------------------------------
+
+
+def measure_point(
+    case: Refinement, knob: str, setting: Setting, sampling: Sampling, other: int = 0
 ) -> Point:
-    """A point from `folder`, or from as many runs as it takes; again: take its times anew.
+    """Return a point from its folder, or from as many runs as it takes.
 
     An interruption loses at most the run in hand.
     """
-    facts = shelf.manifest(problem, setting, other)
-    key = shelf.key_of(facts)
-    played = _schedule(problem, setting, other, folder, key)
-    _, found = shelf.record(folder, key)
-    path, timed = shelf.times(folder, key)
-    taken: dict[str, Any] = {"wall": [], "own": [], "rate": [], "differing": 0}
-    if found is not None and timed is not None and not again:
-        # in place, since further runs are entered there
-        taken.update(timed)
-    _run = partial(_run_once, problem, setting, other, played, folder, taken, facts)
+    key, schedule = key_of(case, setting, other), _schedule(case, setting, other, sampling)
+    points, times = (sampling.results(kind, setting) for kind in ("points", "times"))
+    record = points.load(key, is_record)
+    kept = times.load(key, _is_times)
+    if record is None or kept is None or sampling.again:
+        kept = {**{name: [] for name in PER_RUN}, "differing": 0}
     before = None
-    if found is None:
-        found, before = _run(before)
-    while not _enough(found, taken, repeats):
-        _, before = _run(before)
-        store.write(path, taken)
-    if taken != timed:
-        store.write(path, taken)
-    return _point(problem, knob, setting, found, taken, key, other)
+    while record is None or not _is_enough(record, kept, sampling.repeats):
+        if schedule == []:
+            outcome, rates = LOST._asdict(), [math.nan]
+        else:
+            before = rate() if before is None else before
+            outcome = execute(case, setting, other, schedule)._asdict()
+            rates = [before, rate()]
+        taken = {**{name: outcome.pop(name) for name in CLOCKS}, "rate": float(np.mean(rates))}
+        before = rates[-1]
+        # another process may have been faster
+        new = {"outcome": outcome, "versions": _versions()}
+        record = points.load(key, is_record) or points.save(key, new)
+        kept["differing"] += not is_same(record["outcome"]["error"], outcome["error"])
+        for name, value in taken.items():
+            kept[name].append(value)
+        times.save(key, kept)
+    return _point(case, knob, setting, record["outcome"], kept, points.path(key).stem, other)
 
 
-def _enough(found: dict[str, Any], taken: dict[str, Any], repeats: int) -> bool:
-    """Whether a median can be taken; a blow-up needs no time."""
-    n = len(taken["wall"])
-    if found["outcome"]["cause"] or n >= MOST:
+def _is_enough(record: dict[str, Any], times: dict[str, Any], repeats: int) -> bool:
+    """Return whether a median can be taken; a blow-up needs no time."""
+    n = len(times["wall"])
+    if record["outcome"]["cause"] or n >= MOST:
         return True
-    if n < repeats or sum(taken["own"]) < PATIENCE:
+    if n < repeats or sum(times["own"]) < PATIENCE:
         return False
-    return n < FEWEST or _spread(np.multiply(taken["own"], taken["rate"])) <= AGREED
+    return n < FEWEST or _spread(np.multiply(times["own"], times["rate"])) <= AGREED
 
 
 def _spread(efforts: NDArray[np.float64]) -> float:
-    """The range of the three around the median, or of what there is, as a share of the median."""
+    """Return the range of the three around the median, or of all, as a share of the median."""
     if not len(efforts):
         return 0.0
     median = float(np.median(efforts))
@@ -146,90 +211,48 @@ def _spread(efforts: NDArray[np.float64]) -> float:
     return float(np.ptp(near)) / median
 
 
-def _run_once(
-    problem: Problem,
-    setting: Setting,
-    other: int,
-    played: policies.Schedule | None,
-    folder: Path,
-    taken: dict[str, Any],
-    facts: dict[str, Any],
-    before: float | None,
-) -> tuple[dict[str, Any], float]:
-    """Run, and enter the time; the first run writes the record, later ones must agree with it.
-
-    before: the speed of the machine right before it, measured if it isn't known from the end of
-    another run. Returns the record and the speed right after.
-    """
-    if played is not None and not played:
-        outcome, rates = LOST._asdict(), [math.nan]
-    else:
-        before = rate() if before is None else before
-        outcome = execute(problem, setting, other, played)._asdict()
-        rates = [before, rate()]
-    times = {name: outcome.pop(name) for name in shelf.CLOCKS}
-    key = shelf.key_of(facts)
-    path, kept = shelf.record(folder, key)
-    if kept is None:
-        kept = {"hash": key, **facts, "outcome": outcome}
-        store.write(path, kept)
-    taken["differing"] += not same(kept["outcome"]["error"], outcome["error"])
-    for name, value in times.items():
-        taken[name].append(value)
-    taken["rate"].append(float(np.mean(rates)))
-    return dict(kept), rates[-1]
-
-
-def same(one: float, other: float) -> bool:
-    """Whether two errors are the same to the last bit, or both of a blow-up."""
+def is_same(one: float, other: float) -> bool:
+    """Return whether two errors are the same to the last bit, or both of a blow-up."""
     return json.dumps(one) == json.dumps(other)
 
 
 def _schedule(
-    problem: Problem, setting: Setting, other: int, folder: Path, key: str
-) -> policies.Schedule | None:
-    """What an agent does, from the folder or from itself; None for rules and fixed settings.
-
-    Nothing if it blew up.
-    """
-    if not policies.needs_schedule(setting.controller):
+    case: Refinement, setting: Setting, other: int, sampling: Sampling
+) -> Schedule | None:
+    """Return the controls of an agent, none if it blew up; None for rules and fixed settings."""
+    if not is_agent(setting.controller):
         return None
-    path, kept = shelf.schedule(folder, key)
-    if kept is None:
-        scene = replace(nominal_scene(problem, setting, other), controls=None)
+
+    def play() -> dict[str, Any]:
+        # it begins with the scene's own controls
+        plain = build(case, setting._replace(step=1.0, sound=1.0), other)
         try:
-            kept = {"controls": policies.schedule(setting.controller, scene)}
+            return {"controls": agents.play(setting.controller, replace(plain, controls=None))}
         except RuntimeError as error:
-            kept = {"controls": [], "cause": str(error)}
-        store.write(path, kept)
-    controls: policies.Schedule = kept["controls"]
+            return {"controls": [], "cause": str(error)}
+
+    schedules, key = sampling.results("schedules", setting), key_of(case, setting, other)
+    controls: Schedule = schedules.get(key, play, _is_schedule)["controls"]
     return controls
 
 
-def nominal_scene(problem: Problem, setting: Setting, other: int) -> Any:
-    """The scene that an agent plays: with the article's own controls to begin with."""
-    return build(problem, setting._replace(step=1.0, sound=1.0), other)
-
-
 def _point(
-    problem: Problem,
+    case: Refinement,
     knob: str,
     setting: Setting,
-    found: dict[str, Any],
-    taken: dict[str, Any],
+    outcome: dict[str, Any],
+    times: dict[str, Any],
     key: str,
     other: int,
 ) -> Point:
-    outcome = found["outcome"]
-    efforts = np.multiply(taken["own"], taken["rate"])
+    efforts = np.multiply(times["own"], times["rate"])
     wall, own, rate_then, effort = (
         float(np.median(values)) if len(values) else math.nan
-        for values in (taken["wall"], taken["own"], taken["rate"], efforts)
+        for values in (times["wall"], times["own"], times["rate"], efforts)
     )
-    spread = _spread(efforts)
+    known = {name: value for name, value in outcome.items() if name in Point._fields}
     return Point(
-        problem.scene, knob, setting, problem.metres(other) / setting.across, outcome["error"],
-        outcome["cause"], outcome["seconds"], outcome["particles"], outcome["substeps"],
-        outcome["interactions"], outcome["compression"], outcome["mach"], wall, own, rate_then,
-        effort, len(taken["wall"]), spread, taken["differing"], key, rate_then,
+        case.scene, knob, setting, case.metres(other) / setting.across, **known,
+        wall=wall, own=own, rate=rate_then, effort=effort, runs=len(times["wall"]),
+        spread=_spread(efforts), differing=times["differing"], key=key, speed=rate_then,
     )  # fmt: skip

@@ -1,5 +1,6 @@
-"""One point of the study run again: are its error, to the last bit, and its time the same?"""
+"""Run one kept point again: are its error, to the last bit, and its time the same?"""
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,17 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.studies.accuracy import shelf
-from sph_gym.studies.accuracy.benchmark import rate
-from sph_gym.studies.accuracy.points import same
-from sph_gym.studies.accuracy.policies import needs_schedule
-from sph_gym.studies.accuracy.problems import Problem, problem
-from sph_gym.studies.accuracy.running import Outcome, execute
-from sph_gym.studies.accuracy.settings import Setting
+from sph_gym.recommend.runs import RunOutcome, execute, rate
+from sph_gym.recommend.settings import Setting, is_agent
+from sph_gym.scenes.refinement import refinement
+from sph_gym.studies.accuracy.points import Sampling, is_record, is_same, key_of
 
 # A time, corrected by the benchmark, may be so many times the kept one, or so many times less.
 FACTOR = 1.5
-# What is short is run more often, up to so many times and so many seconds.
+# A run that is short is repeated, up to so many times and so many seconds.
 RUNS, PATIENCE = 3, 1.0
 
 
@@ -26,68 +24,68 @@ def rerun(key: str, folder: Path) -> int:
 
     key: its hash, or the beginning of one only. Raises ValueError if there is no such point.
     """
-    whole = _find(key, folder)
-    _, kept = shelf.record(folder, whole)
-    if kept is None:
-        raise ValueError(f"point: expected one that can be read, got {whole}")
-    scene, setting, other = _case(kept)
-    played = None
-    if needs_schedule(setting.controller):
-        _, schedule = shelf.schedule(folder, whole)
-        played = (schedule or {"controls": []})["controls"]
-        if not played:
-            raise ValueError(f"point: expected one with a schedule of its agent, got {whole}")
-    if shelf.key_of(shelf.manifest(scene, setting, other)) != whole:
+    facts, kept, stem = _find(key, folder)
+    case, setting = refinement(facts["scene"]), Setting(**facts["setting"])
+    others = range(len(case.others) + 1)
+    other = next((k for k in others if facts["arguments"] == case.given(k)), 0)
+    sampling = Sampling(folder)
+    if sampling.results("points", setting).path(key_of(case, setting, other)).stem != stem:
         print("note: it was made with other sources than these")
-    outcomes, efforts = list[Outcome](), list[float]()
-    while not outcomes or (len(outcomes) < RUNS and sum(o.own for o in outcomes) < PATIENCE):
+    schedule = None
+    if is_agent(setting.controller):
+        schedule = (_read(folder / "schedules" / f"{stem}.json") or {}).get("controls")
+        if not schedule:
+            raise ValueError(f"point: expected one with a schedule of its agent, got {stem}")
+    outcomes, efforts = list[RunOutcome](), list[float]()
+    while not outcomes or (len(outcomes) < RUNS and sum(run.own for run in outcomes) < PATIENCE):
         before = rate()
-        outcomes.append(execute(scene, setting, other, played))
+        outcomes.append(execute(case, setting, other, schedule))
         efforts.append(outcomes[-1].own * (before + rate()) / 2)
-    return _told(whole, folder, kept, outcomes, efforts)
+    print(f"{case.scene}, {stem}")
+    equal = _compare_errors(kept["outcome"]["error"], [run.error for run in outcomes])
+    print(f"processor seconds now: {', '.join(f'{run.own:.4g}' for run in outcomes)}")
+    # a blow-up is run once, and its time is of no interest
+    times = _read(folder / "times" / f"{stem}.json") if kept["outcome"]["error"] > 0 else None
+    return int(not (_compare_times(times, efforts) and equal))
 
 
-def _find(key: str, folder: Path) -> str:
+def _find(key: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any], str]:
+    """Return key, record and hash of a kept point."""
     if not re.fullmatch("[0-9a-f]+", key):
         raise ValueError(f"point: expected a hash as in points.csv, got {key!r}")
-    found = sorted(path.stem for path in (folder / "points").glob(f"{key}*.json"))
+    found = sorted((folder / "points").glob(f"{key}*.json"))
     if len(found) != 1:
         raise ValueError(
             f"point: expected the hash of one point in {folder}, got {key!r} of {len(found)}"
         )
-    return found[0]
+    kept = _read(found[0])
+    if not is_record(kept):
+        raise ValueError(f"point: expected one that can be read, got {found[0].stem}")
+    return json.loads(found[0].read_text())["key"], kept, found[0].stem
 
 
-def _case(kept: dict[str, Any]) -> tuple[Problem, Setting, int]:
-    scene, setting = problem(kept["scene"]), Setting(**kept["setting"])
-    cases = range(len(scene.others) + 1)
-    fitting = (other for other in cases if kept["arguments"] == scene.given(other))
-    return scene, setting, next(fitting, 0)
+def _read(path: Path) -> Any:
+    """Return the result in a file of a store, whatever sources it was made with."""
+    try:
+        return json.loads(path.read_text())["result"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
-def _told(
-    key: str,
-    folder: Path,
-    kept: dict[str, Any],
-    outcomes: Sequence[Outcome],
-    efforts: Sequence[float],
-) -> int:
-    before = kept["outcome"]["error"]
-    equal = all(same(before, outcome.error) for outcome in outcomes)
-    print(f"{kept['scene']}, {key}")
-    print(f"error kept: {before!r}, now: {outcomes[0].error!r}")
+def _compare_errors(kept: float, now: Sequence[float]) -> bool:
+    equal = all(is_same(kept, error) for error in now)
+    print(f"error kept: {kept!r}, now: {now[0]!r}")
     print("the same to the last bit" if equal else "the errors differ")
-    _, times = shelf.times(folder, key)
-    taken = times or {"own": [], "rate": []}
-    own = ", ".join(f"{seconds:.4g}" for seconds in taken["own"])
-    now = ", ".join(f"{outcome.own:.4g}" for outcome in outcomes)
-    print(f"processor seconds kept: {own or 'none'}; now: {now}")
-    # a blow-up is run once, and its time is of no interest
-    if not own or not before > 0:
-        return int(not equal)
-    usual = np.median(np.multiply(taken["own"], taken["rate"]))
+    return equal
+
+
+def _compare_times(times: Any, efforts: Sequence[float]) -> bool:
+    if not times or not times["own"]:
+        return True
+    print(f"processor seconds kept: {', '.join(f'{own:.4g}' for own in times['own'])}")
+    usual = np.median(np.multiply(times["own"], times["rate"]))
     ratio = float(np.median(efforts) / usual)
     alike = 1 / FACTOR <= ratio <= FACTOR
-    said = "as before" if alike else f"beyond a factor {FACTOR:g}"
-    print(f"time, by the benchmark beside it, now / kept: {ratio:.3g}, {said}")
-    return int(not (equal and alike))
+    verdict = "as before" if alike else f"beyond a factor {FACTOR:g}"
+    print(f"time, by the benchmark beside it, now / kept: {ratio:.3g}, {verdict}")
+    return alike

@@ -125,13 +125,13 @@ def set_ticks(axes: Any) -> None:
         decades = math.log10(high / low)
         subs = (1.0,) if decades > 3 else (1.0, 3.0) if decades > 1.7 else (1.0, 2.0, 5.0)
         locator: Any = ticker.LogLocator(subs=subs, numticks=12)
-        if decades < 1:
+        if decades < 0.8:
             locator = ticker.MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
-        axis.set_major_locator(ticker.FixedLocator(locator.tick_values(low, high)))
+        ticks = [tick for tick in locator.tick_values(low, high) if low <= tick <= high]
+        axis.set_major_locator(ticker.FixedLocator(ticks))
         axis.set_minor_locator(ticker.NullLocator())
-        plain = ticker.StrMethodFormatter("{x:g}")
-        axis.set_major_formatter(plain if high < 1e4 else ticker.LogFormatterSciNotation())
-    axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim())
+        power = ticker.LogFormatterSciNotation(minor_thresholds=(math.inf, math.inf))
+        axis.set_major_formatter(ticker.StrMethodFormatter("{x:g}") if high < 1e4 else power)
     axes.grid(alpha=0.25)
 
 

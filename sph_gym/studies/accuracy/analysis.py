@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,20 +27,7 @@ ROUNDING = 1e-9
 FEWEST = 2
 
 
-class TurnedRun(series.Run, Protocol):
-    """A run that knows which knob was turned, and its work."""
-
-    @property
-    def knob(self) -> str:
-        """Its name."""
-
-    @property
-    def interactions(self) -> float:
-        """Pairs (i, j) of all force evaluations."""
-
-
 AnyRun = TypeVar("AnyRun", bound=series.Run)
-AnyTurned = TypeVar("AnyTurned", bound=TurnedRun)
 
 
 class Gain(NamedTuple):
@@ -74,15 +61,20 @@ class ValueGain(NamedTuple):
 # --- Choosing points ------------------------------------------------------------------------
 
 
-def nominal_series(points: Iterable[AnyTurned]) -> list[AnyTurned]:
+def nominal_series(points: Iterable[Point]) -> list[Point]:
     """Return the nominal settings at all resolutions, the nominal one first."""
     return [found for found in points if found.knob in ("nominal", "resolution")]
 
 
-def knobs(points: Iterable[TurnedRun]) -> list[str]:
+def knobs(points: Iterable[Point]) -> list[str]:
     """Return those that were turned alone, in the order of the points."""
     alone = dict.fromkeys(found.knob for found in points)
     return [knob for knob in alone if knob not in ("nominal", COMBINED)]
+
+
+def value_of(point: Point, knob: str) -> str:
+    """Return the value of a knob as text."""
+    return str(getattr(point.setting, knob))
 
 
 def count(points: Sequence[Point]) -> list[Point]:
@@ -221,16 +213,16 @@ def _error(runs: Mapping[int, series.Run], across: int) -> float:
 # --- Gains of knobs -------------------------------------------------------------------------
 
 
-def value_gains(points: Sequence[TurnedRun], knob: str, cost: str) -> list[ValueGain]:
+def value_gains(points: Sequence[Point], knob: str, cost: str) -> list[ValueGain]:
     """Return the gain of every value of a knob that was turned alone."""
-    groups: dict[str, list[TurnedRun]] = {}
+    groups: dict[str, list[Point]] = {}
     for found in points:
         if found.knob == knob:
-            groups.setdefault(str(getattr(found.setting, knob)), []).append(found)
+            groups.setdefault(value_of(found, knob), []).append(found)
     return [_value(knob, nominal_series(points), runs, cost) for runs in groups.values()]
 
 
-def _value(knob: str, own: Sequence[TurnedRun], runs: Sequence[TurnedRun], cost: str) -> ValueGain:
+def _value(knob: str, own: Sequence[Point], runs: Sequence[Point], cost: str) -> ValueGain:
     known = {run.setting.across: run for run in own if run.good}
     pairs = [(known[r.setting.across], r) for r in runs if r.good and r.setting.across in known]
     ratios = {
@@ -240,13 +232,13 @@ def _value(knob: str, own: Sequence[TurnedRun], runs: Sequence[TurnedRun], cost:
     factors = [float(np.median(found)) if found else math.nan for found in ratios.values()]
     cause = next((str(getattr(r, "cause", "")) for r in runs if not r.good), "")
     gain, bound = gain_of_series(own, runs, cost)
-    value = str(getattr(runs[0].setting, knob))
+    value = value_of(runs[0], knob)
     error, time, work = factors[0], factors[1], factors[-1]
     return ValueGain(knob, value, error, time, work, gain, len(pairs), cause, bound)
 
 
 def best_value(
-    points: Sequence[TurnedRun],
+    points: Sequence[Point],
     knob: str,
     cost: str,
     among: Callable[[str], bool] = lambda value: True,
@@ -259,7 +251,7 @@ def best_value(
     """
     own, found = nominal_series(points), []
     for value in value_gains(points, knob, cost):
-        turned = next(p for p in points if p.knob == knob and _value_of(p, knob) == value.value)
+        turned = next(p for p in points if p.knob == knob and value_of(p, knob) == value.value)
         runs = [p for p in points if p.setting.series == turned.setting.series]
         allowed = among(value.value) and (knob != "step" or turned.setting.step <= LONGEST)
         if math.isnan(value.gain) or not allowed or series.too_soft(runs):
@@ -271,11 +263,7 @@ def best_value(
     return max(found, key=lambda value: (value.bound != "<", value.gain), default=None)
 
 
-def _value_of(point: TurnedRun, knob: str) -> str:
-    return str(getattr(point.setting, knob))
-
-
-def _stops_falling(own: Sequence[TurnedRun], runs: Sequence[TurnedRun]) -> bool:
+def _stops_falling(own: Sequence[Point], runs: Sequence[Point]) -> bool:
     """Return whether errors come to rest or grow at the fine end, where the nominal ones fall."""
     if not all(run.good for run in runs) or len(runs) < len(own):
         return False
@@ -307,7 +295,7 @@ def elasticity(runs: Iterable[series.Run], cost: str) -> float:
     return series.slope(costs, [run.error for run in good])
 
 
-def knob_elasticity(points: Sequence[TurnedRun], knob: str, cost: str) -> float:
+def knob_elasticity(points: Sequence[Point], knob: str, cost: str) -> float:
     """Return d log error / d log cost over the values of a knob; the median over resolutions."""
     own = nominal_series(points)
     if knob not in NUMBERS:

@@ -11,7 +11,8 @@ from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import KERNELS
 from sph_gym.solver.simulation import DTYPES
 from sph_gym.studies.accuracy.agents import available
-from sph_gym.studies.accuracy.analysis import TurnedRun, gain_of_series
+from sph_gym.studies.accuracy.analysis import gain_of_series
+from sph_gym.studies.accuracy.points import Point
 
 # The largest h / dx that is tried: 50 neighbours.
 WIDEST = 5.0
@@ -26,7 +27,7 @@ WORTHWHILE = 1.1
 # Knobs whose best value is also run by itself at all resolutions, which ends its luck.
 ALONE = ("width", "kernel", "density", "sound")
 
-Runs = Mapping[Setting, TurnedRun]
+Runs = Mapping[Setting, Point]
 
 
 class StudyPlan(NamedTuple):
@@ -126,10 +127,10 @@ def combined(plan: StudyPlan, case: Refinement, found: Runs) -> Iterator[Setting
     start = start_of(plan, case)
     own = [found[s] for s in at_all_sizes(plan, case, start.series)]
     values = _worthwhile(plan, case, found)
-    faster = values["dtype"].gain if "dtype" in values else 1.0
+    faster = values["dtype"][1] if "dtype" in values else 1.0
     present, most = start, 1.0
-    for knob, value in values.items():
-        turned = present._replace(**{knob: value.value})
+    for knob, (value, _) in values.items():
+        turned = present._replace(**{knob: value})
         yield turned.series
         runs = [found[s] for s in at_all_sizes(plan, case, turned.series)]
         gain = _gain(own, runs, "interactions") * (faster if turned.dtype != start.dtype else 1.0)
@@ -144,18 +145,11 @@ def alone(plan: StudyPlan, case: Refinement, found: Runs) -> list[Setting]:
     if not plan.chain or case.erratic:
         return []
     own, values = start_of(plan, case).series, _worthwhile(plan, case, found)
-    return [own._replace(**{knob: values[knob].value}) for knob in ALONE if knob in values]
+    return [own._replace(**{knob: values[knob][0]}) for knob in ALONE if knob in values]
 
 
-class _Best(NamedTuple):
-    """A value of a knob and its gain by itself."""
-
-    value: Any
-    gain: float
-
-
-def _worthwhile(plan: StudyPlan, case: Refinement, found: Runs) -> dict[str, _Best]:
-    """Return for each knob of the chain the value with the largest gain by itself, if it is enough.
+def _worthwhile(plan: StudyPlan, case: Refinement, found: Runs) -> dict[str, tuple[Any, float]]:
+    """Return value and gain of each knob whose best value by itself is worthwhile.
 
     Pairs are counted, since no noise is in them; for the precision, which hardly changes their
     number, the measured effort counts.
@@ -164,22 +158,20 @@ def _worthwhile(plan: StudyPlan, case: Refinement, found: Runs) -> dict[str, _Be
     own = [found[s] for knob, s in swept if knob in ("nominal", "resolution")]
     values = {}
     for knob in CHAIN:
-        tried: dict[Any, list[TurnedRun]] = {}
+        tried: dict[Any, list[Point]] = {}
         for name, s in swept:
             if name == knob and s.step <= LONGEST:
                 tried.setdefault(getattr(s, knob), []).append(found[s])
         cost = "effort" if knob == "dtype" else "interactions"
         gains = [
-            _Best(value, _gain(own, runs, cost))
-            for value, runs in tried.items()
-            if not too_soft(runs)
+            (value, _gain(own, runs, cost)) for value, runs in tried.items() if not too_soft(runs)
         ]
-        best = max(gains, key=lambda best: best.gain, default=None)
-        if best is not None and best.gain >= WORTHWHILE:
+        best = max(gains, key=lambda best: best[1], default=(None, 0.0))
+        if best[1] >= WORTHWHILE:
             values[knob] = best
     return values
 
 
-def _gain(own: Sequence[TurnedRun], runs: Sequence[TurnedRun], cost: str) -> float:
+def _gain(own: Sequence[Point], runs: Sequence[Point], cost: str) -> float:
     gain = gain_of_series(own, runs, cost).gain
     return gain if math.isfinite(gain) else 0.0

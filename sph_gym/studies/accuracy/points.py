@@ -1,7 +1,7 @@
 """Points of a diagram: one run each, its error, its work and its times, kept on disk.
 
-Error and work are the same whenever a point is run again, to the last bit, and are kept with all
-that they depend on; times are kept apart, so that they can be taken anew.
+Error and work are the same whenever a point is run again, to the last bit; times, a list [wall,
+own, rate] of each run, can be taken anew.
 """
 
 import json
@@ -29,9 +29,8 @@ PATIENCE, MOST = 0.1, 5
 AGREED, FEWEST = 0.15, 3
 # An error above this is none that a diagram could show: 1000 %.
 ABSURD = 10.0
-# Times of the runs of a point: by the clock, of processor time, and the benchmark beside them.
+# Entries of an outcome that differ from run to run.
 CLOCKS = ("wall", "own")
-PER_RUN = (*CLOCKS, "rate")
 # Outcome of an agent that doesn't get to the end of its own episode.
 LOST = RunOutcome(
     math.nan, "its agent blew up", [], 1.0, 0, 0, 0.0, math.nan, math.nan, math.nan, math.nan
@@ -101,7 +100,7 @@ class Sampling(NamedTuple):
     again: bool = False
 
     def results(self, kind: str, setting: Setting) -> Results:
-        """Return the store of "points", "times" or "schedules"."""
+        """Return the store of "points" or of "schedules"."""
         common = COMMON if is_agent(setting.controller) else tuple(p for p in COMMON if p != "env")
         sources = ("recommend/settings.py", "recommend/runs.py")
         return Results(self.folder / kind, *sources, common=common)
@@ -129,31 +128,25 @@ def _versions() -> dict[str, str]:
         return machine.describe()
 
 
-def _are_numbers(values: Any) -> bool:
-    return isinstance(values, list) and all(type(value) in (int, float) for value in values)
-
-
-def is_record(kept: Any) -> bool:
-    """Return whether a stored result is the record of a point."""
-    outcome = kept.get("outcome") if isinstance(kept, dict) else None
-    if not isinstance(outcome, dict):
+def is_kept(value: Any) -> bool:
+    """Return whether a stored result is that of a point."""
+    outcome = value.get("outcome") if isinstance(value, dict) else None
+    if not isinstance(outcome, dict) or not isinstance(outcome.get("cause"), str):
         return False
-    numbers = [n for n in RunOutcome._fields if n not in (*CLOCKS, "cause", "measures")]
-    return isinstance(outcome.get("cause"), str) and _are_numbers([*map(outcome.get, numbers)])
-
-
-def _is_times(kept: Any) -> bool:
-    lists = [kept.get(name) for name in PER_RUN] if isinstance(kept, dict) else [None]
+    work = [outcome.get(n) for n in RunOutcome._fields if n not in ("cause", "measures", *CLOCKS)]
     return (
-        all(map(_are_numbers, lists))
-        and len({len(own) for own in lists if own is not None}) == 1
-        and type(kept.get("differing")) is int
+        are_numbers(work) and type(value.get("differing")) is int and _are_triples(value, "times")
     )
 
 
-def _is_schedule(kept: Any) -> bool:
-    frames = kept.get("controls") if isinstance(kept, dict) else None
-    return isinstance(frames, list) and all(_are_numbers(f) and len(f) == 3 for f in frames)
+def are_numbers(values: Any) -> bool:
+    """Return whether a JSON value is a list of numbers."""
+    return isinstance(values, list) and all(type(value) in (int, float) for value in values)
+
+
+def _are_triples(value: Any, name: str) -> bool:
+    rows = value.get(name) if isinstance(value, dict) else None
+    return isinstance(rows, list) and all(are_numbers(row) and len(row) == 3 for row in rows)
 
 
 # --- Running --------------------------------------------------------------------------------
@@ -167,39 +160,42 @@ def measure_point(
     An interruption loses at most the run in hand.
     """
     key, schedule = key_of(case, setting, other), _schedule(case, setting, other, sampling)
-    points, times = (sampling.results(kind, setting) for kind in ("points", "times"))
-    record = points.load(key, is_record)
-    kept = times.load(key, _is_times)
-    if record is None or kept is None or sampling.again:
-        kept = {**{name: [] for name in PER_RUN}, "differing": 0}
+    points = sampling.results("points", setting)
+    kept = points.load(key, is_kept)
+    if kept is not None and sampling.again:
+        kept |= {"times": [], "differing": 0}
     before = None
-    while record is None or not _is_enough(record, kept, sampling.repeats):
+    while kept is None or not _is_enough(kept, sampling.repeats):
         if schedule == []:
-            outcome, rates = LOST._asdict(), [math.nan]
+            outcome, before = LOST, math.nan
+            times = [math.nan] * 3
         else:
-            before = rate() if before is None else before
-            outcome = execute(case, setting, other, schedule)._asdict()
-            rates = [before, rate()]
-        taken = {**{name: outcome.pop(name) for name in CLOCKS}, "rate": float(np.mean(rates))}
-        before = rates[-1]
-        # another process may have been faster
-        new = {"outcome": outcome, "versions": _versions()}
-        record = points.load(key, is_record) or points.save(key, new)
-        kept["differing"] += not is_same(record["outcome"]["error"], outcome["error"])
-        for name, value in taken.items():
-            kept[name].append(value)
-        times.save(key, kept)
-    return _point(case, knob, setting, record["outcome"], kept, points.path(key).stem, other)
+            start = rate() if before is None else before
+            outcome, before = execute(case, setting, other, schedule), rate()
+            times = [outcome.wall, outcome.own, (start + before) / 2]
+        if kept is None:
+            work = {n: value for n, value in outcome._asdict().items() if n not in CLOCKS}
+            kept = {"outcome": work, "times": [], "differing": 0, "versions": _versions()}
+        kept["differing"] += not is_same(kept["outcome"]["error"], outcome.error)
+        kept["times"].append(times)
+        points.save(key, kept)
+    size = case.metres(other) / setting.across
+    return _point((case.scene, knob, setting, size), kept, points.path(key).stem)
 
 
-def _is_enough(record: dict[str, Any], times: dict[str, Any], repeats: int) -> bool:
+def _is_enough(kept: dict[str, Any], repeats: int) -> bool:
     """Return whether a median can be taken; a blow-up needs no time."""
-    n = len(times["wall"])
-    if record["outcome"]["cause"] or n >= MOST:
+    own, n = [times[1] for times in kept["times"]], len(kept["times"])
+    if kept["outcome"]["cause"] or n >= MOST:
         return True
-    if n < repeats or sum(times["own"]) < PATIENCE:
+    if n < repeats or sum(own) < PATIENCE:
         return False
-    return n < FEWEST or _spread(np.multiply(times["own"], times["rate"])) <= AGREED
+    return n < FEWEST or _spread(efforts_of(kept)) <= AGREED
+
+
+def efforts_of(kept: dict[str, Any]) -> NDArray[np.float64]:
+    """Return (n,) the particle-steps of the benchmark that take as long as each run of a point."""
+    return np.array([own * speed for _, own, speed in kept["times"]], float)
 
 
 def _spread(efforts: NDArray[np.float64]) -> float:
@@ -231,28 +227,25 @@ def _schedule(
         except RuntimeError as error:
             return {"controls": [], "cause": str(error)}
 
+    def is_valid(kept: Any) -> bool:
+        return _are_triples(kept, "controls")
+
     schedules, key = sampling.results("schedules", setting), key_of(case, setting, other)
-    controls: Schedule = schedules.get(key, play, _is_schedule)["controls"]
+    controls: Schedule = schedules.get(key, play, is_valid)["controls"]
     return controls
 
 
-def _point(
-    case: Refinement,
-    knob: str,
-    setting: Setting,
-    outcome: dict[str, Any],
-    times: dict[str, Any],
-    key: str,
-    other: int,
-) -> Point:
-    efforts = np.multiply(times["own"], times["rate"])
-    wall, own, rate_then, effort = (
+def _point(start: tuple[Any, ...], kept: dict[str, Any], key: str) -> Point:
+    """Return a point from its first four fields and what is kept of it."""
+    wall, own, speed = np.array(kept["times"], float).reshape(-1, 3).T
+    efforts = efforts_of(kept)
+    medians = [
         float(np.median(values)) if len(values) else math.nan
-        for values in (times["wall"], times["own"], times["rate"], efforts)
-    )
-    known = {name: value for name, value in outcome.items() if name in Point._fields}
+        for values in (wall, own, speed, efforts)
+    ]
+    work = {name: value for name, value in kept["outcome"].items() if name in Point._fields}
+    times = dict(zip(("wall", "own", "rate", "effort"), medians, strict=True))
     return Point(
-        case.scene, knob, setting, case.metres(other) / setting.across, **known,
-        wall=wall, own=own, rate=rate_then, effort=effort, runs=len(times["wall"]),
-        spread=_spread(efforts), differing=times["differing"], key=key, speed=rate_then,
+        *start, **work, **times, runs=len(efforts), spread=_spread(efforts),
+        differing=kept["differing"], key=key, speed=times["rate"],
     )  # fmt: skip

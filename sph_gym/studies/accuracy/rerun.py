@@ -11,7 +11,7 @@ import numpy as np
 from sph_gym.recommend.runs import RunOutcome, execute, rate
 from sph_gym.recommend.settings import Setting, is_agent
 from sph_gym.scenes.refinement import refinement
-from sph_gym.studies.accuracy.points import Sampling, is_record, is_same, key_of
+from sph_gym.studies.accuracy.points import Sampling, efforts_of, is_same, key_of
 
 # A time, corrected by the benchmark, may be so many times the kept one, or so many times less.
 FACTOR = 1.5
@@ -24,33 +24,29 @@ def rerun(key: str, folder: Path) -> int:
 
     key: its hash, or the beginning of one only. Raises ValueError if there is no such point.
     """
-    facts, kept, stem = _find(key, folder)
+    path = _find(key, folder)
+    facts, kept = _read(path)
     case, setting = refinement(facts["scene"]), Setting(**facts["setting"])
     others = range(len(case.others) + 1)
     other = next((k for k in others if facts["arguments"] == case.given(k)), 0)
-    sampling = Sampling(folder)
-    if sampling.results("points", setting).path(key_of(case, setting, other)).stem != stem:
+    now = Sampling(folder).results("points", setting).path(key_of(case, setting, other))
+    if now.stem != path.stem:
         print("note: it was made with other sources than these")
     schedule = None
     if is_agent(setting.controller):
-        schedule = (_read(folder / "schedules" / f"{stem}.json") or {}).get("controls")
+        schedule = _read(folder / "schedules" / path.name)[1]["controls"]
         if not schedule:
-            raise ValueError(f"point: expected one with a schedule of its agent, got {stem}")
+            raise ValueError(f"point: expected one whose agent got to its end, got {path.stem}")
     outcomes, efforts = list[RunOutcome](), list[float]()
     while not outcomes or (len(outcomes) < RUNS and sum(run.own for run in outcomes) < PATIENCE):
         before = rate()
         outcomes.append(execute(case, setting, other, schedule))
         efforts.append(outcomes[-1].own * (before + rate()) / 2)
-    print(f"{case.scene}, {stem}")
-    equal = _compare_errors(kept["outcome"]["error"], [run.error for run in outcomes])
-    print(f"processor seconds now: {', '.join(f'{run.own:.4g}' for run in outcomes)}")
-    # a blow-up is run once, and its time is of no interest
-    times = _read(folder / "times" / f"{stem}.json") if kept["outcome"]["error"] > 0 else None
-    return int(not (_compare_times(times, efforts) and equal))
+    print(f"{case.scene}, {path.stem}")
+    return int(not (_compare_errors(kept, outcomes) & _compare_times(kept, outcomes, efforts)))
 
 
-def _find(key: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any], str]:
-    """Return key, record and hash of a kept point."""
+def _find(key: str, folder: Path) -> Path:
     if not re.fullmatch("[0-9a-f]+", key):
         raise ValueError(f"point: expected a hash as in points.csv, got {key!r}")
     found = sorted((folder / "points").glob(f"{key}*.json"))
@@ -58,33 +54,35 @@ def _find(key: str, folder: Path) -> tuple[dict[str, Any], dict[str, Any], str]:
         raise ValueError(
             f"point: expected the hash of one point in {folder}, got {key!r} of {len(found)}"
         )
-    kept = _read(found[0])
-    if not is_record(kept):
-        raise ValueError(f"point: expected one that can be read, got {found[0].stem}")
-    return json.loads(found[0].read_text())["key"], kept, found[0].stem
+    return found[0]
 
 
-def _read(path: Path) -> Any:
-    """Return the result in a file of a store, whatever sources it was made with."""
+def _read(path: Path) -> tuple[Any, Any]:
+    """Return key and result in a file of a store, whatever sources it was made with."""
     try:
-        return json.loads(path.read_text())["result"]
+        stored = json.loads(path.read_text())
+        return stored["key"], stored["result"]
     except (OSError, ValueError, KeyError, TypeError):
-        return None
+        raise ValueError(f"point: expected one that can be read, got {path}") from None
 
 
-def _compare_errors(kept: float, now: Sequence[float]) -> bool:
-    equal = all(is_same(kept, error) for error in now)
-    print(f"error kept: {kept!r}, now: {now[0]!r}")
+def _compare_errors(kept: dict[str, Any], now: Sequence[RunOutcome]) -> bool:
+    before = kept["outcome"]["error"]
+    equal = all(is_same(before, run.error) for run in now)
+    print(f"error kept: {before!r}, now: {now[0].error!r}")
     print("the same to the last bit" if equal else "the errors differ")
     return equal
 
 
-def _compare_times(times: Any, efforts: Sequence[float]) -> bool:
-    if not times or not times["own"]:
+def _compare_times(
+    kept: dict[str, Any], now: Sequence[RunOutcome], efforts: Sequence[float]
+) -> bool:
+    own = ", ".join(f"{times[1]:.4g}" for times in kept["times"])
+    print(f"processor seconds kept: {own or 'none'}; now: {', '.join(f'{r.own:.4g}' for r in now)}")
+    # a blow-up is run once, and its time is of no interest
+    if not own or not kept["outcome"]["error"] > 0:
         return True
-    print(f"processor seconds kept: {', '.join(f'{own:.4g}' for own in times['own'])}")
-    usual = np.median(np.multiply(times["own"], times["rate"]))
-    ratio = float(np.median(efforts) / usual)
+    ratio = float(np.median(efforts) / np.median(efforts_of(kept)))
     alike = 1 / FACTOR <= ratio <= FACTOR
     verdict = "as before" if alike else f"beyond a factor {FACTOR:g}"
     print(f"time, by the benchmark beside it, now / kept: {ratio:.3g}, {verdict}")

@@ -12,30 +12,10 @@ from sph_gym.recommend.series import slope
 from sph_gym.recommend.settings import Setting
 from sph_gym.scenes.refinement import Refinement, refinement
 from sph_gym.solver.checks import known
-from sph_gym.studies.accuracy import figures, promises, pysph, tables
-from sph_gym.studies.accuracy.analysis import (
-    COMBINED,
-    NUMBERS,
-    TARGETS,
-    TIME,
-    at_usual_speed,
-    best_value,
-    cheapest,
-    count,
-    knob_elasticity,
-    knobs,
-    nominal_series,
-)
-from sph_gym.studies.accuracy.plan import (
-    FULL,
-    QUICK,
-    StudyPlan,
-    alone,
-    at_all_sizes,
-    combined,
-    sizes,
-    sweeps,
-)
+from sph_gym.studies.accuracy import analysis, figures, promises, pysph, tables
+from sph_gym.studies.accuracy import plan as planning
+from sph_gym.studies.accuracy.analysis import TIME
+from sph_gym.studies.accuracy.plan import FULL, QUICK, StudyPlan
 from sph_gym.studies.accuracy.points import Point, Sampling, measure_point
 from sph_gym.studies.peers import Peers
 from sph_gym.studies.results import Results
@@ -100,9 +80,9 @@ def measure(
 
 def collect(case: Refinement, plan: StudyPlan, sampling: Sampling, title: str = "") -> list[Point]:
     """Return all points of a scene: the nominal one first, then its sweeps, then combined ones."""
-    turned = list(sweeps(plan, case))
+    turned = list(planning.sweeps(plan, case))
     points: dict[Setting, Point] = {}
-    with progress_bar(len(turned) + USUAL_SERIES * len(sizes(plan, case)), title) as bar:
+    with progress_bar(len(turned) + USUAL_SERIES * len(planning.sizes(plan, case)), title) as bar:
 
         def get(knob: str, setting: Setting, sampling: Sampling) -> None:
             if setting not in points:
@@ -114,18 +94,18 @@ def collect(case: Refinement, plan: StudyPlan, sampling: Sampling, title: str = 
         once = sampling._replace(repeats=min(sampling.repeats, BRIEFLY))
         for knob, setting in turned:
             get(knob, setting, once)
-        for series in combined(plan, case, points):
-            for setting in at_all_sizes(plan, case, series):
-                get(COMBINED, setting, sampling)
-        for series in alone(plan, case, points):
-            for setting in at_all_sizes(plan, case, series):
-                get(COMBINED, setting, once)
-        return at_usual_speed(repeat_counted(case, list(points.values()), sampling))
+        for series in planning.combined(plan, case, points):
+            for setting in planning.at_all_sizes(plan, case, series):
+                get(analysis.COMBINED, setting, sampling)
+        for series in planning.alone(plan, case, points):
+            for setting in planning.at_all_sizes(plan, case, series):
+                get(analysis.COMBINED, setting, once)
+        return analysis.at_usual_speed(repeat_counted(case, list(points.values()), sampling))
 
 
 def repeat_counted(case: Refinement, points: Sequence[Point], sampling: Sampling) -> list[Point]:
     """Return the points of a scene, with as many runs of all that count as make a median."""
-    counted = {found.key for found in (*count(points), *nominal_series(points))}
+    counted = {found.key for found in (*analysis.count(points), *analysis.nominal_series(points))}
     kept = sampling._replace(again=False)
     return [
         measure_point(case, p.knob, p.setting, kept)
@@ -147,10 +127,10 @@ def rows(case: Refinement, points: Sequence[Point]) -> Iterator[Row]:
     yield Row("runs that differed when repeated", name, differing, "", 0.0)
     yield from _times(name, points)
     yield _order(case, points)
-    for knob in knobs(points):
+    for knob in analysis.knobs(points):
         yield from _gains(name, knob, points)
-    for target in TARGETS:
-        found = cheapest(count(points), target)
+    for target in analysis.TARGETS:
+        found = analysis.cheapest(analysis.count(points), target)
         # infinite: it was not reached
         seconds = math.inf if found is None else found.time
         yield Row(f"cheapest with {100 * target:g} %, processor time", name, seconds, "s")
@@ -173,17 +153,19 @@ def _times(name: str, points: Sequence[Point]) -> Iterator[Row]:
 
 def _order(case: Refinement, points: Sequence[Point]) -> Row:
     last = case.until or case.sizes[-1]
-    good = [p for p in nominal_series(points) if p.good and p.setting.across <= last]
+    good = [p for p in analysis.nominal_series(points) if p.good and p.setting.across <= last]
     order = slope([found.dx for found in good], [found.error for found in good])
     return Row("order of convergence", case.scene, order, "", case.order, case.order is not None)
 
 
 def _gains(name: str, knob: str, points: Sequence[Point]) -> Iterator[Row]:
-    for cost, title in ((TIME, "time"), ("interactions", "pairs")) if knob in NUMBERS else ():
-        slope_of = knob_elasticity(points, knob, cost)
+    for cost, title in (
+        ((TIME, "time"), ("interactions", "pairs")) if knob in analysis.NUMBERS else ()
+    ):
+        slope_of = analysis.knob_elasticity(points, knob, cost)
         if math.isfinite(slope_of):
             yield Row(f"elasticity over {title}: {knob}", name, slope_of, "")
-    best = None if knob == "resolution" else best_value(points, knob, TIME)
+    best = None if knob == "resolution" else analysis.best_value(points, knob, TIME)
     if best is not None:
         case = f"{name}, {best.value}"
         yield Row(f"best gain at equal error: {knob}", case, best.gain, "times")

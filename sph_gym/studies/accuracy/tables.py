@@ -14,30 +14,19 @@ from sph_gym.recommend.settings import TITLES, Setting, nominal, write_changes
 from sph_gym.recommend.tables import write as write_rows
 from sph_gym.scenes.refinement import refinement
 from sph_gym.studies import machine
-from sph_gym.studies.accuracy.analysis import (
-    TARGETS,
-    TIME,
-    ValueGain,
-    best_value,
-    cheapest,
-    count,
-    front,
-    knob_elasticity,
-    knobs,
-    nominal_series,
-    value_gains,
-)
+from sph_gym.studies.accuracy import analysis
+from sph_gym.studies.accuracy.analysis import TARGETS, TIME, ValueGain
 from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.accuracy.promises import Trial, records
 
 
 def write_scene(points: Sequence[Point], folder: Path) -> None:
     """Write the tables of one scene, and the one from which its settings are recommended."""
-    scene, best = points[0].scene, {found.key for found in front(points, TIME)}
+    scene, best = points[0].scene, {found.key for found in analysis.front(points, TIME)}
     listed = [{**record(found), "on_front": found.key in best} for found in points]
     _write(listed, folder / f"{scene}_points")
     _write(gain_rows(points), folder / f"{scene}_gains")
-    kept = series.fit(points, series.noise_floor(nominal_series(points)))
+    kept = series.fit(points, series.noise_floor(analysis.nominal_series(points)))
     offered = [p for p in points if p.setting.series in kept and kept[p.setting.series].safe]
     sources = source_hash("solver", "scenes", "controllers", "recommend/runs.py")
     comment = f"sources {sources}; {machine.describe()['processor']}; {points[0].speed:.4g}/s"
@@ -91,19 +80,19 @@ def record(point: Point) -> dict[str, Any]:
 def gain_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
     """Return error, time, work and gain of every value of every knob as rows of a table."""
     rows = []
-    for knob in knobs(points):
+    for knob in analysis.knobs(points):
         slopes = {
-            "elasticity_over_time": knob_elasticity(points, knob, TIME),
-            "elasticity_over_pairs": knob_elasticity(points, knob, "interactions"),
+            "elasticity_over_time": analysis.knob_elasticity(points, knob, TIME),
+            "elasticity_over_pairs": analysis.knob_elasticity(points, knob, "interactions"),
         }
-        found = _sizes(points) if knob == "resolution" else value_gains(points, knob, TIME)
+        found = _sizes(points) if knob == "resolution" else analysis.value_gains(points, knob, TIME)
         rows += [{"scene": points[0].scene, **value._asdict(), **slopes} for value in found]
     return rows
 
 
 def _sizes(points: Sequence[Point]) -> list[ValueGain]:
     """Return the nominal settings at other resolutions, against the nominal one."""
-    start, *others = nominal_series(points)
+    start, *others = analysis.nominal_series(points)
     return [
         ValueGain(
             "resolution", str(found.setting.across), found.error / start.error,
@@ -119,11 +108,11 @@ def cheapest_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
 
     error is that of the run, error_without_luck the one that counts.
     """
-    by_key, counted = {found.key: found for found in points}, count(points)
+    by_key, counted = {found.key: found for found in points}, analysis.count(points)
     rows = []
     for target in TARGETS:
         row: dict[str, Any] = {"target": target, "reached": False, "scene": points[0].scene}
-        found = cheapest(counted, target)
+        found = analysis.cheapest(counted, target)
         if found is not None:
             row |= {"reached": True, "error_without_luck": found.error}
             row |= record(by_key[found.key])
@@ -151,10 +140,10 @@ def _published_gains(points: Sequence[Point]) -> Iterator[dict[str, Any]]:
     """Yield a row for each knob that has an elasticity or a value that went well."""
     for knob in ("resolution", *TITLES):
         row: dict[str, Any] = {"scene": points[0].scene, "knob": knob}
-        slope = knob_elasticity(points, knob, TIME)
+        slope = analysis.knob_elasticity(points, knob, TIME)
         if math.isfinite(slope):
             row["elasticity"] = f"{slope:.2g}"
-        best = None if knob == "resolution" else best_value(points, knob, TIME)
+        best = None if knob == "resolution" else analysis.best_value(points, knob, TIME)
         if best is not None:
             row |= {"value": best.value, "gain": f"{best.gain:.2g}", "bound": best.bound}
         if len(row) > 2:

@@ -179,8 +179,9 @@ def measure_point(
         kept["differing"] += not is_same(kept["outcome"]["error"], outcome.error)
         kept["times"].append(times)
         points.save(key, kept)
-    size = case.metres(other) / setting.across
-    return _point((case.scene, knob, setting, size), kept, points.path(key).stem)
+    dx = case.metres(other) / setting.across
+    facts = {"scene": case.scene, "knob": knob, "setting": setting, "dx": dx}
+    return _point({**facts, "key": points.path(key).stem}, kept)
 
 
 def _is_enough(kept: dict[str, Any], repeats: int) -> bool:
@@ -235,8 +236,8 @@ def _schedule(
     return controls
 
 
-def _point(start: tuple[Any, ...], kept: dict[str, Any], key: str) -> Point:
-    """Return a point from its first four fields and what is kept of it."""
+def _point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
+    """Return a point from what it is of and what is kept of it."""
     wall, own, speed = np.array(kept["times"], float).reshape(-1, 3).T
     efforts = efforts_of(kept)
     medians = [
@@ -246,6 +247,6 @@ def _point(start: tuple[Any, ...], kept: dict[str, Any], key: str) -> Point:
     work = {name: value for name, value in kept["outcome"].items() if name in Point._fields}
     times = dict(zip(("wall", "own", "rate", "effort"), medians, strict=True))
     return Point(
-        *start, **work, **times, runs=len(efforts), spread=_spread(efforts),
-        differing=kept["differing"], key=key, speed=times["rate"],
+        **facts, **work, **times, runs=len(efforts), spread=_spread(efforts),
+        differing=kept["differing"], speed=times["rate"],
     )  # fmt: skip

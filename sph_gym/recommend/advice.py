@@ -92,7 +92,7 @@ def advise(
     case = replace(case, arguments=case.arguments | _checked(case, arguments or {}))
     wish = _checked_wish(error, budget)
     rows = read(scene, table)
-    floor = _floor(scene, rows)
+    floor = floor_of(rows)
     series = offered(rows, floor)
     if not series:
         raise ValueError(f"table: expected a line of {FEWEST} resolutions of {scene}, got none")
@@ -115,8 +115,11 @@ def offered(rows: Iterable[Run], floor: float) -> list[Series]:
     return [series for series in fit(rows, floor).values() if series.safe]
 
 
-def _floor(scene: str, rows: Sequence[TableRow]) -> float:
-    own = nominal(refinement(scene)).series
+def floor_of(rows: Sequence[TableRow]) -> float:
+    """Return the noise floor of a scene, by its own settings in a table; 0 without them."""
+    if not rows:
+        return 0.0
+    own = nominal(refinement(rows[0].scene)).series
     return noise_floor(row for row in rows if row.setting.series == own)
 
 

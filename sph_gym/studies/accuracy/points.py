@@ -135,18 +135,17 @@ def is_kept(value: Any) -> bool:
         return False
     work = [outcome.get(n) for n in RunOutcome._fields if n not in ("cause", "measures", *CLOCKS)]
     return (
-        are_numbers(work) and type(value.get("differing")) is int and _are_triples(value, "times")
+        _are_numbers(work) and type(value.get("differing")) is int and _are_triples(value, "times")
     )
 
 
-def are_numbers(values: Any) -> bool:
-    """Return whether a JSON value is a list of numbers."""
+def _are_numbers(values: Any) -> bool:
     return isinstance(values, list) and all(type(value) in (int, float) for value in values)
 
 
 def _are_triples(value: Any, name: str) -> bool:
     rows = value.get(name) if isinstance(value, dict) else None
-    return isinstance(rows, list) and all(are_numbers(row) and len(row) == 3 for row in rows)
+    return isinstance(rows, list) and all(_are_numbers(row) and len(row) == 3 for row in rows)
 
 
 # --- Running --------------------------------------------------------------------------------
@@ -245,7 +244,7 @@ def _point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
         for values in (wall, own, speed, efforts)
     ]
     work = {name: value for name, value in kept["outcome"].items() if name in Point._fields}
-    times = dict(zip(("wall", "own", "rate", "effort"), medians, strict=True))
+    times: dict[str, Any] = dict(zip(("wall", "own", "rate", "effort"), medians, strict=True))
     return Point(
         **facts, **work, **times, runs=len(efforts), spread=_spread(efforts),
         differing=kept["differing"], speed=times["rate"],

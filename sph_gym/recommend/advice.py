@@ -141,9 +141,6 @@ def _probe(case: Refinement) -> Probe:
     return run
 
 
-# --- Checks ---------------------------------------------------------------------------------
-
-
 def at_most_one(error: float) -> float:
     """Return an error that is a share. Raises ValueError above 1, where percents must be meant."""
     if error > 1:

@@ -84,9 +84,6 @@ def parse(output: str, errors: str = "", needed: Sequence[str] = NEEDED) -> dict
     raise PeerError(f"no line RES: {last}")
 
 
-# --- Speed ----------------------------------------------------------------------------------
-
-
 def compare(
     peers: Peers, runner: Runner, case: str, n: int, dtype: str, rounds: int
 ) -> Iterator[Row]:

@@ -16,7 +16,7 @@ from sph_gym.__main__ import main
 from sph_gym.recommend.runs import execute
 from sph_gym.recommend.settings import nominal
 from sph_gym.scenes.refinement import refinement
-from sph_gym.studies.accuracy import agents, points, pysph, reproduce, study
+from sph_gym.studies.accuracy import agents, points, pysph, study
 from sph_gym.studies.accuracy.points import Sampling
 from sph_gym.studies.peers import Peers
 
@@ -168,9 +168,9 @@ def test_a_record_knows_the_version_which_is_no_part_of_its_key(tmp_path):
 
 
 def test_one_point_is_run_again(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(reproduce, "rate", lambda: 1e6)
-    monkeypatch.setattr(reproduce, "execute", lambda *a: execute(*a)._replace(own=found.own))
     drop = refinement("elliptical_drop")
+    once = execute(drop, nominal(drop, 6))
+    monkeypatch.setattr(points, "execute", lambda *a: execute(*a)._replace(own=once.own))
     sampling = Sampling(tmp_path / "accuracy", 1)
     found = points.measure_point(drop, "nominal", nominal(drop, 6), sampling)
     command = ["study", "accuracy", "--output", str(tmp_path), "--point"]

@@ -281,7 +281,7 @@ def best_gain(points: Sequence[Point], cost: str) -> Gain:
     every = [gain_of_series(own, runs, cost) for runs in series.group(count(points)).values()]
     for knob in (name for name in knobs(points) if name != "resolution"):
         best = best_value(points, knob, cost)
-        every += [Gain(best.gain, best.bound)] if best is not None else []
+        every += [Gain(best.gain, best.bound)] if best else []
     known = [gain for gain in every if math.isfinite(gain.gain) and gain.bound != "<"]
     return max(known, default=Gain(math.nan))
 

@@ -14,7 +14,7 @@ from sph_gym.extras import needs_extra
 from sph_gym.recommend.settings import RULES, TITLES, is_agent, nominal, write_changes
 from sph_gym.scenes.refinement import Refinement, refinement
 from sph_gym.studies.accuracy import analysis
-from sph_gym.studies.accuracy.analysis import TIME, Gain
+from sph_gym.studies.accuracy.analysis import TIME
 from sph_gym.studies.accuracy.points import Point
 
 # Colours of M. Okabe and K. Ito, which colour-blind eyes tell apart; in grey the markers do.
@@ -296,7 +296,11 @@ def _draw_small(axes: Any, case: Refinement, points: Sequence[Point]) -> None:
 def _draw_gains(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> None:
     """Draw a table of numbers on shades: the best value of each knob alone, at equal error."""
     axes = figure.subplots()
-    found = [[_best(own, knob, among) for knob, _, among in GAINS] for own in by_scene.values()]
+    none = analysis.Gain(math.nan)
+    found = [
+        [analysis.best_value(own, knob, TIME, among) or none for knob, _, among in GAINS]
+        for own in by_scene.values()
+    ]
     table = np.array([[gain.gain for gain in row] for row in found])
     shades = np.log2(np.clip(np.nan_to_num(table, nan=1.0), 1.0, 8.0))
     axes.imshow(shades, cmap="Greys", vmin=0.0, vmax=4.2, aspect="auto")
@@ -320,9 +324,3 @@ def _draw_gains(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> None:
 
 def _star(case: Refinement) -> str:
     return "" if case.order is not None and not case.erratic else " *"
-
-
-def _best(points: Sequence[Point], knob: str, among: Callable[[str], bool]) -> Gain:
-    """Return the largest gain by a knob; NaN where it wasn't turned."""
-    found = analysis.best_value(points, knob, TIME, among)
-    return Gain(math.nan) if found is None else Gain(found.gain, found.bound)

@@ -6,6 +6,7 @@ own, rate] of each run, can be taken anew.
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
@@ -89,9 +90,6 @@ class Point(NamedTuple):
         return 0 < self.error < ABSURD
 
 
-# --- On disk --------------------------------------------------------------------------------
-
-
 class Sampling(NamedTuple):
     """Where points are kept, how often each is run at least, and whether times are taken anew."""
 
@@ -128,27 +126,17 @@ def _versions() -> dict[str, str]:
         return machine.describe()
 
 
-def is_kept(value: Any) -> bool:
-    """Return whether a stored result is that of a point."""
-    outcome = value.get("outcome") if isinstance(value, dict) else None
-    if not isinstance(outcome, dict) or not isinstance(outcome.get("cause"), str):
-        return False
-    work = [outcome.get(n) for n in RunOutcome._fields if n not in ("cause", "measures", *CLOCKS)]
-    return (
-        _are_numbers(work) and type(value.get("differing")) is int and _are_triples(value, "times")
-    )
+def works(make: Callable[[Any], Any]) -> Callable[[Any], bool]:
+    """Return a check of stored results: whether `make` can make something of one."""
 
+    def check(stored: Any) -> bool:
+        try:
+            make(stored)
+        except (KeyError, TypeError, ValueError, ArithmeticError):
+            return False
+        return True
 
-def _are_numbers(values: Any) -> bool:
-    return isinstance(values, list) and all(type(value) in (int, float) for value in values)
-
-
-def _are_triples(value: Any, name: str) -> bool:
-    rows = value.get(name) if isinstance(value, dict) else None
-    return isinstance(rows, list) and all(_are_numbers(row) and len(row) == 3 for row in rows)
-
-
-# --- Running --------------------------------------------------------------------------------
+    return check
 
 
 def measure_point(
@@ -158,9 +146,12 @@ def measure_point(
 
     An interruption loses at most the run in hand.
     """
-    key, schedule = key_of(case, setting, other), _schedule(case, setting, other, sampling)
-    points = sampling.results("points", setting)
-    kept = points.load(key, is_kept)
+    points, key = sampling.results("points", setting), key_of(case, setting, other)
+    schedule = _schedule(case, setting, other, sampling)
+    dx = case.metres(other) / setting.across
+    facts = {"scene": case.scene, "knob": knob, "setting": setting, "dx": dx}
+    facts["key"] = points.path(key).stem
+    kept = points.load(key, works(lambda kept: make_point(facts, kept)))
     if kept is not None and sampling.again:
         kept |= {"times": [], "differing": 0}
     before = None
@@ -178,24 +169,17 @@ def measure_point(
         kept["differing"] += not is_same(kept["outcome"]["error"], outcome.error)
         kept["times"].append(times)
         points.save(key, kept)
-    dx = case.metres(other) / setting.across
-    facts = {"scene": case.scene, "knob": knob, "setting": setting, "dx": dx}
-    return _point({**facts, "key": points.path(key).stem}, kept)
+    return make_point(facts, kept)
 
 
 def _is_enough(kept: dict[str, Any], repeats: int) -> bool:
     """Return whether a median can be taken; a blow-up needs no time."""
-    own, n = [times[1] for times in kept["times"]], len(kept["times"])
-    if kept["outcome"]["cause"] or n >= MOST:
+    times = np.array(kept["times"], float).reshape(-1, 3)
+    if kept["outcome"]["cause"] or len(times) >= MOST:
         return True
-    if n < repeats or sum(own) < PATIENCE:
+    if len(times) < repeats or times[:, 1].sum() < PATIENCE:
         return False
-    return n < FEWEST or _spread(efforts_of(kept)) <= AGREED
-
-
-def efforts_of(kept: dict[str, Any]) -> NDArray[np.float64]:
-    """Return (n,) the particle-steps of the benchmark that take as long as each run of a point."""
-    return np.array([own * speed for _, own, speed in kept["times"]], float)
+    return len(times) < FEWEST or _spread(times[:, 1] * times[:, 2]) <= AGREED
 
 
 def _spread(efforts: NDArray[np.float64]) -> float:
@@ -227,25 +211,22 @@ def _schedule(
         except RuntimeError as error:
             return {"controls": [], "cause": str(error)}
 
-    def is_valid(kept: Any) -> bool:
-        return _are_triples(kept, "controls")
-
+    is_valid = works(lambda kept: np.reshape(np.array(kept["controls"], float), (-1, 3)))
     schedules, key = sampling.results("schedules", setting), key_of(case, setting, other)
     controls: Schedule = schedules.get(key, play, is_valid)["controls"]
     return controls
 
 
-def _point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
+def make_point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
     """Return a point from what it is of and what is kept of it."""
     wall, own, speed = np.array(kept["times"], float).reshape(-1, 3).T
-    efforts = efforts_of(kept)
-    medians = [
-        float(np.median(values)) if len(values) else math.nan
-        for values in (wall, own, speed, efforts)
-    ]
+    columns = {"wall": wall, "own": own, "rate": speed, "effort": own * speed}
+    medians: dict[str, Any] = {
+        name: float(np.median(values)) if len(values) else math.nan
+        for name, values in columns.items()
+    }
     work = {name: value for name, value in kept["outcome"].items() if name in Point._fields}
-    times: dict[str, Any] = dict(zip(("wall", "own", "rate", "effort"), medians, strict=True))
     return Point(
-        **facts, **work, **times, runs=len(efforts), spread=_spread(efforts),
-        differing=kept["differing"], speed=times["rate"],
+        **facts, **work, **medians, runs=len(own), spread=_spread(own * speed),
+        differing=kept["differing"], speed=medians["rate"],
     )  # fmt: skip

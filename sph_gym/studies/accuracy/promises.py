@@ -40,9 +40,6 @@ class Trial(NamedTuple):
     early: float = math.nan
 
 
-# --- Trying ---------------------------------------------------------------------------------
-
-
 def try_out(case: Refinement, points: Sequence[Point], sampling: Sampling) -> list[Trial]:
     """Return recommendations between the measured resolutions and in other cases, with their runs.
 
@@ -122,9 +119,6 @@ def _off_grid(series: Series, across: int) -> Choice:
     finer = [n for n in range(across, int(series.across[-1])) if n not in series.across]
     coarser = [n for n in range(across, 2, -1) if n not in series.across]
     return series.at((finer or coarser)[0])
-
-
-# --- Results --------------------------------------------------------------------------------
 
 
 def rows(case: Refinement, trials: Sequence[Trial]) -> Iterator[Row]:

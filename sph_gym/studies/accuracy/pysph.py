@@ -14,7 +14,7 @@ from sph_gym.scenes.free_bodies import ellipse
 from sph_gym.scenes.martin_moyce import SHIFTS, front_error
 from sph_gym.studies import peers as racing
 from sph_gym.studies.accuracy.analysis import chance, cost_at, count, nominal_series
-from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.points import Point, works
 from sph_gym.studies.peers import PeerError, Peers
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
@@ -110,19 +110,19 @@ def run(peers: Peers, scene: str, across: int, folder: Path, again: bool = False
     """Return a run of the script, kept in the folder unless `again`. Raises PeerError."""
     judge = {"elliptical_drop": tip_error, "dam_break": surge_error}[scene]
 
-    def is_valid(kept: Any) -> bool:
-        try:
-            return all(kept[name] > 0 for name in CLOCKS) and not math.isnan(judge(kept))
-        except (KeyError, TypeError, ValueError, ArithmeticError):
-            return False
+    def make(seen: Any) -> PeerRun:
+        found = PeerRun(across, judge(seen), seen["seconds"], seen["own"])
+        if not (found.error >= 0 and found.wall > 0 and found.own > 0):
+            raise ValueError(f"expected an error and times, got {found}")
+        return found
 
     results = Results(folder / "peer", common=())
     key = [scene, across, peers.python, content_hash((peers.folder / SCRIPT).resolve())]
-    seen = None if again else results.load(key, is_valid)
+    seen = None if again else results.load(key, works(make))
     if seen is None:
         arguments = [scene, "--across", str(across)]
         seen = results.save(key, racing.run(peers, SCRIPT, arguments, CLOCKS, PATIENCE))
-    return PeerRun(across, judge(seen), seen["seconds"], seen["own"])
+    return make(seen)
 
 
 def tip_error(seen: dict[str, Any]) -> float:

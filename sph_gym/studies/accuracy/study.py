@@ -115,9 +115,6 @@ def repeat_counted(case: Refinement, points: Sequence[Point], sampling: Sampling
     ]
 
 
-# --- Rows -----------------------------------------------------------------------------------
-
-
 def rows(case: Refinement, points: Sequence[Point]) -> Iterator[Row]:
     """Yield how the error converges, the gain of each knob, and the cheapest settings."""
     name = case.scene

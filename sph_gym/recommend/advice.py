@@ -12,7 +12,7 @@ from sph_gym import scenes
 from sph_gym.recommend.runs import CAREFUL, execute, rate
 from sph_gym.recommend.series import FEWEST, Choice, Run, Series, fit, noise_floor
 from sph_gym.recommend.settings import Setting, nominal
-from sph_gym.recommend.tables import TableRow, read
+from sph_gym.recommend.tables import read
 from sph_gym.recommend.trial_runs import Probe, Settled, settle
 from sph_gym.scenes.refinement import Refinement, refinement
 from sph_gym.solver.checks import known, positive
@@ -115,7 +115,7 @@ def offered(rows: Iterable[Run], floor: float) -> list[Series]:
     return [series for series in fit(rows, floor).values() if series.safe]
 
 
-def floor_of(rows: Sequence[TableRow]) -> float:
+def floor_of(rows: Sequence[Run]) -> float:
     """Return the noise floor of a scene, by its own settings in a table; 0 without them."""
     if not rows:
         return 0.0

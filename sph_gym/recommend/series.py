@@ -10,7 +10,8 @@ are noise, and nothing counts less than the largest of them: the noise floor.
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from sph_gym.recommend.settings import LONGEST, Setting, is_agent
 
 Array = NDArray[np.float64]
 
+# An error above this is none: 1000 %.
+ABSURD = 10.0
 # Resolutions that a series has at least.
 FEWEST = 3
 # Least order of convergence in dx: below it, errors differ by chance rather than by resolution.
@@ -34,32 +37,25 @@ RECENT = 3
 MOST_COMPRESSION, MOST_MACH = 0.02, 0.35
 
 
-class Run(Protocol):
-    """One run of a series, measured or from a table."""
+@dataclass(frozen=True)
+class Run:
+    """One run of a series.
 
-    @property
-    def setting(self) -> Setting:
-        """All settings."""
+    error: a share, NaN after a blow-up; effort: particle-steps of the benchmark that take as long;
+    compression, mach: as of a `RunOutcome`.
+    """
 
-    @property
-    def error(self) -> float:
-        """A share."""
+    scene: str
+    setting: Setting
+    error: float
+    effort: float
+    compression: float = 0.0
+    mach: float = 0.0
 
     @property
     def good(self) -> bool:
-        """Whether the error is one: the run neither blew up nor is it absurdly wrong."""
-
-    @property
-    def effort(self) -> float:
-        """Particle-steps of the benchmark that take as long."""
-
-    @property
-    def compression(self) -> float:
-        """As of a `RunOutcome`."""
-
-    @property
-    def mach(self) -> float:
-        """As of a `RunOutcome`."""
+        """Return whether it came to its end with an error worth the name."""
+        return 0 < self.error < ABSURD
 
 
 AnyRun = TypeVar("AnyRun", bound=Run)
@@ -183,7 +179,7 @@ class Series(NamedTuple):
 
     @property
     def safe(self) -> bool:
-        """Whether it may be recommended: it needs no agent, and its steps are off the limit."""
+        """Return whether it may be recommended: no agent, and no step near the limit."""
         return not is_agent(self.setting.controller) and self.setting.step <= LONGEST
 
 

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from sph_gym.recommend.series import Run
 from sph_gym.recommend.settings import Setting
@@ -16,32 +16,12 @@ MEASURED = ("error", "effort", "compression", "mach")
 COLUMNS = ("scene", *Setting._fields, *MEASURED)
 
 
-class TableRow(NamedTuple):
-    """A run as a table has it.
-
-    error: NaN after a blow-up; effort: particle-steps of the benchmark that take as long;
-    compression, mach: as of a `RunOutcome`.
-    """
-
-    scene: str
-    setting: Setting
-    error: float
-    effort: float
-    compression: float = 0.0
-    mach: float = 0.0
-
-    @property
-    def good(self) -> bool:
-        """Whether the run came to its end."""
-        return self.error > 0
-
-
 def shipped() -> list[str]:
     """Return the scenes of which tables come with the package."""
     return sorted(file.name.removesuffix(".csv") for file in DATA.iterdir())
 
 
-def read(scene: str, path: Path | None = None) -> list[TableRow]:
+def read(scene: str, path: Path | None = None) -> list[Run]:
     """Return the runs of a scene in a table, by default the one that comes with the package.
 
     Raises ValueError if there is none, or if it is no such table.
@@ -69,7 +49,7 @@ def _rows(text: str) -> list[dict[str, str]]:
     return rows
 
 
-def _row(row: dict[str, str]) -> TableRow:
+def _row(row: dict[str, str]) -> Run:
     kinds = {**Setting.__annotations__, **dict.fromkeys(MEASURED, float)}
     values: dict[str, Any] = {}
     for name, kind in kinds.items():
@@ -86,11 +66,11 @@ def _row(row: dict[str, str]) -> TableRow:
         if values[name] < 0 or math.isinf(values[name]):
             raise ValueError(f"{name}: expected a share of at least 0, got {values[name]}")
     measured = [values.pop(name) for name in MEASURED]
-    return TableRow(row["scene"], Setting(**values), *measured)
+    return Run(row["scene"], Setting(**values), *measured)
 
 
-def write(scene: str, runs: Iterable[Run], path: Path, comment: str) -> None:
-    """Write a table of runs of a scene, which `read` takes."""
+def write(runs: Iterable[Run], path: Path, comment: str) -> None:
+    """Write a table of runs, which `read` takes."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
         file.write(f"# {comment}\n")
@@ -99,4 +79,4 @@ def write(scene: str, runs: Iterable[Run], path: Path, comment: str) -> None:
         for run in runs:
             error = run.error if run.good else math.nan
             numbers = (error, run.effort, run.compression, run.mach)
-            writer.writerow([scene, *run.setting, *(f"{number:.6g}" for number in numbers)])
+            writer.writerow([run.scene, *run.setting, *(f"{number:.6g}" for number in numbers)])

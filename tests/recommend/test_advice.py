@@ -10,8 +10,9 @@ from sph_gym import recommend, scenes
 from sph_gym.__main__ import main
 from sph_gym.recommend import advice, published, series
 from sph_gym.recommend.runs import execute
+from sph_gym.recommend.series import Run
 from sph_gym.recommend.settings import nominal
-from sph_gym.recommend.tables import TableRow, read, shipped, write
+from sph_gym.recommend.tables import read, shipped, write
 from sph_gym.scenes.refinement import names, refinement
 
 DROP = refinement("elliptical_drop")
@@ -26,7 +27,7 @@ def offered(rows):
 def samples(factor=1.0, order=1.0, sizes=(10, 20, 40), **changes):
     """A line whose error goes as dx^order and whose effort as dx^-3."""
     return [
-        TableRow(
+        Run(
             DROP.scene, nominal(DROP, n)._replace(**changes), 0.2 * n**-order, factor * 100.0 * n**3
         )
         for n in sizes
@@ -37,7 +38,7 @@ def samples(factor=1.0, order=1.0, sizes=(10, 20, 40), **changes):
 def table(tmp_path):
     """Two lines: one that takes a third of the other's time."""
     path = tmp_path / "lines.csv"
-    write(DROP.scene, [*samples(), *samples(1 / 3, dtype="float32")], path, "made up")
+    write([*samples(), *samples(1 / 3, dtype="float32")], path, "made up")
     return path
 
 
@@ -113,7 +114,7 @@ def test_a_lucky_run_at_the_finest_resolution_promises_nothing():
     assert 3.0 < counted(across, errors)[-1] < 6.4
     assert series.doubt(across, errors) == pytest.approx(1.0, abs=0.2)
     made = [
-        s._replace(error=e / 100)
+        replace(s, error=e / 100)
         for s, e in zip(samples(sizes=(10, 14, 20, 28, 40)), errors, strict=True)
     ]
     [line] = offered(made)
@@ -131,14 +132,14 @@ def test_a_line_whose_errors_grow_is_not_offered():
     steep = (0.9, 0.3, 0.1, 0.01, 0.02, 0.03)
     for bad in (errors, steep):
         grows = [
-            s._replace(error=e)
+            replace(s, error=e)
             for s, e in zip(samples(0.1, 1.0, sizes, kernel="spiky"), bad, strict=True)
         ]
         assert [line.setting for line in offered([*own, *grows])] == [nominal(DROP).series]
 
 
 def test_a_fluid_that_is_too_soft_is_not_offered():
-    soft = [s._replace(compression=0.021) for s in samples(0.1, sound=0.35)]
+    soft = [replace(s, compression=0.021) for s in samples(0.1, sound=0.35)]
     assert [line.setting for line in offered([*samples(), *soft])] == [nominal(DROP).series]
 
 
@@ -151,7 +152,7 @@ def test_an_unlucky_run_raises_the_promise():
 
 def test_lines_of_which_little_is_known_are_not_offered():
     blown = samples(0.1, kernel="spiky")
-    blown[1] = blown[1]._replace(error=math.nan)
+    blown[1] = replace(blown[1], error=math.nan)
     short = samples(0.1, sizes=(10, 20), kernel="cubic_spline")
     coarse = samples(0.1, sizes=(10, 20, 28), integrator="symplectic_euler")
     bold = samples(0.1, step=2.0)
@@ -171,8 +172,8 @@ def test_promises_fall_with_resolution(table):
 def test_what_is_expected_is_less_than_what_is_promised(tmp_path):
     path = tmp_path / "lines.csv"
     errors = (0.04, 0.05, 0.03)
-    made = [sample._replace(error=e) for sample, e in zip(samples(), errors, strict=True)]
-    write(DROP.scene, made, path, "made up")
+    made = [replace(sample, error=e) for sample, e in zip(samples(), errors, strict=True)]
+    write(made, path, "made up")
     found = advise(path, error=0.19)
     assert found.choice.error == pytest.approx(0.05)
     assert found.choice.promised == pytest.approx(0.05 * 1.25**0.5)
@@ -195,7 +196,7 @@ def test_what_is_told_can_be_set(table):
 def test_the_program_runs_what_was_recommended(tmp_path, changes):
     path = tmp_path / "lines.csv"
     rows = samples(sizes=(6, 8, 10), dtype="float32", step=1.5, **changes)
-    write(DROP.scene, rows, path, "made up")
+    write(rows, path, "made up")
     found = recommend.advise(DROP.scene, error=0.2 / 8, table=path, speed=SPEED)
     variables = {}
     exec(recommend.program(found), variables)
@@ -295,14 +296,14 @@ def test_more_than_everything_is_asked_back(table):
 
 def scattered(*changes):
     """Samples of the drop whose own errors hardly depend on dx, and a lucky line."""
-    own = [s._replace(error=e) for s, e in zip(samples(), (0.039, 0.035, 0.036), strict=True)]
-    lucky = [s._replace(error=0.03) for s in samples(0.5, kernel="mueller")]
+    own = [replace(s, error=e) for s, e in zip(samples(), (0.039, 0.035, 0.036), strict=True)]
+    lucky = [replace(s, error=0.03) for s in samples(0.5, kernel="mueller")]
     return [*own, *lucky]
 
 
 def test_nothing_below_the_noise_floor_is_promised(tmp_path):
     path = tmp_path / "lines.csv"
-    write(DROP.scene, scattered(), path, "made up")
+    write(scattered(), path, "made up")
     rich, poor = advise(path, budget=1e9), advise(path, error=0.05)
     assert rich.choice == poor.choice
     assert rich.choice.setting.across == 10
@@ -319,7 +320,7 @@ def test_errors_that_fall_come_without_caution(table):
 
 def test_the_program_of_a_run_that_blows_up_ends(tmp_path):
     path = tmp_path / "lines.csv"
-    write(DROP.scene, samples(sizes=(6, 8, 10)), path, "made up")
+    write(samples(sizes=(6, 8, 10)), path, "made up")
     found = recommend.advise(DROP.scene, error=0.9, table=path, speed=SPEED)
     bad = found.choice.setting._replace(step=40.0, sound=5.0)
     found = found._replace(choice=found.choice._replace(setting=bad))
@@ -329,7 +330,7 @@ def test_the_program_of_a_run_that_blows_up_ends(tmp_path):
 
 def test_the_program_takes_no_step_of_a_rounding_error(tmp_path, capsys):
     path = tmp_path / "lines.csv"
-    write(DROP.scene, samples(sizes=(6, 8, 10)), path, "made up")
+    write(samples(sizes=(6, 8, 10)), path, "made up")
     found = recommend.advise(DROP.scene, error=0.9, table=path, speed=SPEED)
     text = recommend.program(found).replace("    report = sim.advance(", "    report = advance(")
     taken, variables = [], {}

@@ -250,10 +250,10 @@ def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
     timed = [row for row in rows if "time" in row.quantity and "cheapest" not in row.quantity]
     assert timed
     assert all(math.isfinite(row.value) for row in timed)
-    noisy = start._replace(spread=2.0)
+    noisy = replace(start, spread=2.0)
     kept, broken = (
         next(row for row in study.rows(DROP, [run]) if row.quantity.startswith("spread of"))
-        for run in (start._replace(spread=0.1), noisy)
+        for run in (replace(start, spread=0.1), noisy)
     )
     assert kept.holds
     assert not broken.holds

@@ -115,11 +115,13 @@ def drop(**changes):
 
 def made_up(setting, error, **known):
     """A point that wasn't run."""
-    plain = Point(
-        "elliptical_drop", "", setting, 0.1, error, "", 1, 9, 9, 9, 0.001, 0.1, 1, 1, 1, 1, 1, 0, 0,
-        "", 1,
-    )  # fmt: skip
-    return plain._replace(**{"key": str(setting), "effort": setting.across**3.0} | known)
+    given = {"key": str(setting), "effort": setting.across**3.0} | known
+    plain = {
+        "knob": "", "dx": 0.1, "cause": "", "seconds": 1, "particles": 9, "substeps": 9,
+        "interactions": 9, "compression": 0.001, "mach": 0.1, "wall": 1, "own": 1, "rate": 1,
+        "runs": 1, "spread": 0, "differing": 0, "speed": 1,
+    }  # fmt: skip
+    return Point(scene="elliptical_drop", setting=setting, error=error, **plain | given)
 
 
 def test_luck_does_not_count():
@@ -127,7 +129,7 @@ def test_luck_does_not_count():
     found = [made_up(s, e) for s, e in zip(runs, [0.03, 0.001, 0.01, 0.002], strict=True)]
     assert [point.error for point in analysis.count(found)] == [0.03, 0.01, 0.01]
     assert analysis.count(found[1:]) == []
-    blown = found[0]._replace(error=math.nan, cause="blew up")
+    blown = replace(found[0], error=math.nan, cause="blew up")
     assert analysis.count([blown, *found[1:]]) == []
 
 
@@ -161,12 +163,12 @@ def test_errors_that_grow_and_fluids_that_are_too_soft_do_not_count():
     assert analysis.count(grows) == []
     # steep at first
     steep = (9, 3, 1, 0.1, 0.2, 0.3)
-    late = [point._replace(error=e) for point, e in zip(grows, steep, strict=True)]
+    late = [replace(point, error=e) for point, e in zip(grows, steep, strict=True)]
     assert analysis.count(late) == []
-    falls = [point._replace(error=0.1 / point.setting.across) for point in grows]
+    falls = [replace(point, error=0.1 / point.setting.across) for point in grows]
     assert len(analysis.count(falls)) == 6
     for change in ({"compression": 0.03}, {"mach": 0.4}):
-        assert analysis.count([falls[0]._replace(**change), *falls[1:]]) == []
+        assert analysis.count([replace(falls[0], **change), *falls[1:]]) == []
 
 
 def test_errors_within_their_scatter_have_no_front():
@@ -186,14 +188,14 @@ def test_errors_within_their_scatter_have_no_front():
 def test_times_are_those_of_the_machine_at_its_usual_speed():
     found = [made_up(drop(across=n), 0.1, rate=r) for n, r in ((6, 2e6), (8, 1e6), (10, 5e6))]
     found.append(made_up(drop(across=14), math.nan, rate=math.nan))
-    usual = analysis.at_usual_speed([point._replace(effort=4e6) for point in found])
+    usual = analysis.at_usual_speed([replace(point, effort=4e6) for point in found])
     assert [point.time for point in usual] == [2.0] * 4
 
 
 def test_the_cheapest_is_listed_with_the_error_that_it_has():
     errors = (0.03, 0.001, 0.01)
     own = [made_up(drop(across=n), e) for n, e in zip((6, 8, 10), errors, strict=True)]
-    own = [point._replace(effort=float(point.setting.across)) for point in own]
+    own = [replace(point, effort=float(point.setting.across)) for point in own]
     five, two, one, half = tables.cheapest_rows(own)
     assert (five["across"], five["error"], five["error_without_luck"]) == (6, 0.03, 0.03)
     assert (two["across"], two["error"], two["error_without_luck"]) == (8, 0.001, 0.01)
@@ -205,13 +207,13 @@ def turned(order=1.0, scene="elliptical_drop"):
     """A scene's own runs, a kernel that makes an error a third, and a line that does both."""
     sizes = (8, 6, 10, 14)
     own = [made_up(drop(across=n), n**-order, knob="resolution", effort=float(n**3)) for n in sizes]
-    own[0] = own[0]._replace(knob="nominal")
+    own[0] = replace(own[0], knob="nominal")
     third = [
-        p._replace(setting=p.setting._replace(kernel="spiky"), error=p.error / 1.5, knob="kernel")
+        replace(p, setting=p.setting._replace(kernel="spiky"), error=p.error / 1.5, knob="kernel")
         for p in own
     ]
-    found = [*own, *(p._replace(key=str(p.setting)) for p in third)]
-    return [p._replace(scene=scene) for p in found]
+    found = [*own, *(replace(p, key=str(p.setting)) for p in third)]
+    return [replace(p, scene=scene) for p in found]
 
 
 def test_the_best_gain_is_never_less_than_a_knob_alone():

@@ -4,8 +4,8 @@ from dataclasses import replace
 import pytest
 
 from sph_gym.recommend import advice
+from sph_gym.recommend.series import Run
 from sph_gym.recommend.settings import nominal
-from sph_gym.recommend.tables import TableRow
 from sph_gym.scenes.refinement import refinement
 from sph_gym.studies.accuracy import points, promises
 from sph_gym.studies.accuracy.points import Sampling
@@ -40,7 +40,7 @@ def test_a_promise_that_is_broken_is_a_row_that_fails(tmp_path):
     kept = rows_of(DROP, trials)
     assert kept
     assert all(row.holds for row in kept)
-    lied = [point._replace(error=point.error / 4) for point in found]
+    lied = [replace(point, error=point.error / 4) for point in found]
     broken = rows_of(DROP, promises.try_out(DROP, lied, Sampling(tmp_path)))
     assert not any(row.holds for row in broken)
     timid = [t._replace(choice=t.choice._replace(error=9 * t.choice.error)) for t in trials]
@@ -51,7 +51,7 @@ def test_what_is_not_tried_has_a_row_that_says_so(tmp_path):
     found = own_series(tmp_path)
     # too short for a line
     assert promises.try_out(DROP, found[:2], Sampling(tmp_path)) == []
-    flat = [point._replace(error=0.03 + 1e-4 * k) for k, point in enumerate(found)]
+    flat = [replace(point, error=0.03 + 1e-4 * k) for k, point in enumerate(found)]
     assert promises.try_out(DROP, flat, Sampling(tmp_path)) == []
     [none, alone] = promises.rows(DROP, [])
     assert "nothing to tell apart" in none.case
@@ -91,10 +91,7 @@ def test_promises_are_tried_between_the_resolutions_and_in_other_cases(tmp_path,
 def test_another_case_is_answered_as_a_user_would_be():
     """The cheaper line fails in the other case, so that the dear one is advised."""
     cheap, dear = (
-        [
-            TableRow(DROP.scene, drop(across=n, kernel=kernel), 0.1 / n, effort * n**3)
-            for n in (6, 8, 10)
-        ]
+        [Run(DROP.scene, drop(across=n, kernel=kernel), 0.1 / n, effort * n**3) for n in (6, 8, 10)]
         for kernel, effort in (("spiky", 1.0), ("wendland_c2", 9.0))
     )
     fitted = advice.offered([*cheap, *dear], 0.0)

@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,8 +44,10 @@ def peers(tmp_path):
 def ours(scene, error, wall, across=40):
     setting = nominal(refinement(scene), across)
     return Point(
-        scene, "nominal", setting, 0.1, error, "", 1.0, 100, 10, 1e3, 0.001, 0.1, wall, wall, 1e6,
-        wall * 1e6, 3, 0.0, 0, "key", 1e6,
+        scene=scene, setting=setting, error=error, effort=wall * 1e6, compression=0.001, mach=0.1,
+        knob="nominal", dx=0.1, cause="", seconds=1.0, particles=100, substeps=10,
+        interactions=1e3, wall=wall, own=wall, rate=1e6, runs=3, spread=0.0, differing=0,
+        key="key", speed=1e6,
     )  # fmt: skip
 
 
@@ -56,7 +59,7 @@ def test_the_peer_is_compared_at_equal_error(peers, tmp_path):
         for error, across in zip(errors, (20, 30, 40), strict=True):
             point = ours("elliptical_drop", error, 1e-3 * across / 2, across)
             setting = point.setting._replace(kernel=kernel)
-            points.append(point._replace(setting=setting, knob="kernel"))
+            points.append(replace(point, setting=setting, knob="kernel"))
     rows = {(row.quantity, row.case): row for row in pysph.rows(peers, points, tmp_path / "kept")}
     assert rows["error of PySPH", "elliptical_drop, 20 across"].value == pytest.approx(2.0)
     assert rows["wall seconds of PySPH", "elliptical_drop, 20 across"].value == pytest.approx(8.0)

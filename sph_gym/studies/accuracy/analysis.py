@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,9 +26,6 @@ NOTICED = 1.5
 ROUNDING = 1e-9
 # Resolutions at which a value must have been tried: at one, its error may just cross zero.
 FEWEST = 2
-
-
-AnyRun = TypeVar("AnyRun", bound=series.Run)
 
 
 class Gain(NamedTuple):
@@ -88,7 +86,7 @@ def count(points: Sequence[Point]) -> list[Point]:
         for own, found in kept.items()
         for n, error in zip(found.across, found.error, strict=True)
     }
-    return [p._replace(error=errors[p.setting]) for p in points if p.setting in errors]
+    return [replace(p, error=errors[p.setting]) for p in points if p.setting in errors]
 
 
 def at_usual_speed(points: Sequence[Point]) -> list[Point]:
@@ -98,15 +96,15 @@ def at_usual_speed(points: Sequence[Point]) -> list[Point]:
     """
     rates = [found.rate for found in points if math.isfinite(found.rate)]
     speed = float(np.median(rates)) if rates else math.nan
-    return [found._replace(speed=speed) for found in points]
+    return [replace(found, speed=speed) for found in points]
 
 
 # --- Fronts ---------------------------------------------------------------------------------
 
 
-def pareto_front(runs: Iterable[AnyRun], cost: str) -> list[AnyRun]:
+def pareto_front(runs: Iterable[Point], cost: str) -> list[Point]:
     """Return the runs that no other beats in both error and cost, the cheapest first."""
-    best: list[AnyRun] = []
+    best: list[Point] = []
     for run in sorted(runs, key=lambda run: (getattr(run, cost), run.error)):
         if run.good and (not best or run.error < best[-1].error):
             best.append(run)
@@ -118,7 +116,7 @@ def front(points: Sequence[Point], cost: str) -> list[Point]:
     return [] if chance(points) else pareto_front(count(points), cost)
 
 
-def cheapest(runs: Iterable[AnyRun], target: float, cost: str = TIME) -> AnyRun | None:
+def cheapest(runs: Iterable[Point], target: float, cost: str = TIME) -> Point | None:
     """Return the run with the least cost whose error is at most `target`; None if there is none."""
     within = [run for run in runs if run.good and run.error <= target]
     return min(within, key=lambda run: float(getattr(run, cost)), default=None)
@@ -135,7 +133,7 @@ def chance(points: Sequence[Point]) -> str:
 # --- Cost of an error -----------------------------------------------------------------------
 
 
-def is_flat(runs: Iterable[series.Run], cost: str) -> bool:
+def is_flat(runs: Iterable[Point], cost: str) -> bool:
     """Return whether errors hardly fall along a refinement series."""
     good = [run for run in runs if run.good]
     return series.is_flat([getattr(run, cost) for run in good], [run.error for run in good])
@@ -158,7 +156,7 @@ def cost_at(costs: Sequence[float], errors: Sequence[float], error: float) -> Ga
 
 
 def gain_of_run(
-    errors: tuple[float, float], costs: tuple[float, float], own: Sequence[series.Run], cost: str
+    errors: tuple[float, float], costs: tuple[float, float], own: Sequence[Point], cost: str
 ) -> Gain:
     """Return how many times faster a run is than the nominal settings would be at its error.
 
@@ -175,7 +173,7 @@ def gain_of_run(
     return Gain(found.gain / costs[1], found.bound)
 
 
-def gain_of_series(own: Sequence[series.Run], tried: Sequence[series.Run], cost: str) -> Gain:
+def gain_of_series(own: Sequence[Point], tried: Sequence[Point], cost: str) -> Gain:
     """Return how many times faster one setting is than the nominal one at equal error.
 
     own: the nominal runs at all resolutions; tried: those of the setting. An error counts as much
@@ -198,14 +196,14 @@ def gain_of_series(own: Sequence[series.Run], tried: Sequence[series.Run], cost:
     return sorted(counted)[(len(counted) - 1) // 2] if len(found) >= FEWEST else Gain(math.nan)
 
 
-def _comparable(own: Sequence[series.Run], known: Mapping[int, series.Run]) -> list[series.Run]:
+def _comparable(own: Sequence[Point], known: Mapping[int, Point]) -> list[Point]:
     """Return the nominal runs, without finer ones that are worse than all that both have."""
     finest = max(known)
     most = known[finest].error
     return [r for r in own if r.good and (r.setting.across <= finest or r.error <= most)]
 
 
-def _error(runs: Mapping[int, series.Run], across: int) -> float:
+def _error(runs: Mapping[int, Point], across: int) -> float:
     """Return the error at a resolution, or at a finer one if it is larger there."""
     return max(run.error for n, run in runs.items() if n >= across)
 
@@ -286,7 +284,7 @@ def best_gain(points: Sequence[Point], cost: str) -> Gain:
     return max(known, default=Gain(math.nan))
 
 
-def elasticity(runs: Iterable[series.Run], cost: str) -> float:
+def elasticity(runs: Iterable[Point], cost: str) -> float:
     """Return d log error / d log cost over some runs; NaN where the cost hardly changes."""
     good = [run for run in runs if run.good]
     costs = [float(getattr(run, cost)) for run in good]

@@ -7,7 +7,7 @@ own, rate] of each run, can be taken anew.
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sph_gym.controllers.network import shipped_network
 from sph_gym.provenance import content_hash
 from sph_gym.recommend.runs import RunOutcome, Schedule, execute, rate
+from sph_gym.recommend.series import Run
 from sph_gym.recommend.settings import Setting, build, is_agent
 from sph_gym.scenes.refinement import Refinement
 from sph_gym.studies import machine
@@ -28,8 +29,6 @@ from sph_gym.studies.results import COMMON, Results
 PATIENCE, MOST = 0.1, 5
 # So are runs whose times differ by more than this share of the median, the three runs around it.
 AGREED, FEWEST = 0.15, 3
-# An error above this is none that a diagram could show: 1000 %.
-ABSURD = 10.0
 # Entries of an outcome that differ from run to run.
 CLOCKS = ("wall", "own")
 # Outcome of an agent that doesn't get to the end of its own episode.
@@ -38,36 +37,29 @@ LOST = RunOutcome(
 )  # fmt: skip
 
 
-class Point(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class Point(Run):
     """One run as the study has it.
 
-    knob: which setting was changed; error: share of what the refinement series says, NaN after a
-    blow-up; cause: of the blow-up; seconds: of physical time; particles: fluid and wall; substeps,
-    interactions: steps and pairs (i, j) of their force evaluations; compression, mach: as of a
-    `RunOutcome`; wall, own: median seconds of the whole run by the clock and of processor time;
-    rate: of the benchmark right before and after [particle-steps/s]; effort: median of own times
-    rate, the particle-steps of the benchmark that take as long; runs: of which these are medians;
-    spread: the range of the three efforts around the median / the median; differing: runs whose
-    error differed, which should be none; speed: of the benchmark on the machine for which times are
-    given.
+    knob: which setting was changed; cause: of the blow-up; seconds: of physical time; particles:
+    fluid and wall; substeps, interactions: steps and pairs (i, j) of their force evaluations; wall,
+    own: median seconds of the whole run by the clock and of processor time; rate: of the benchmark
+    right before and after [particle-steps/s]; effort: median of own times rate; runs: of which
+    these are medians; spread: the range of the three efforts around the median / the median;
+    differing: runs whose error differed, which should be none; speed: of the benchmark on the
+    machine for which times are given.
     """
 
-    scene: str
     knob: str
-    setting: Setting
     dx: float
-    error: float
     cause: str
     seconds: float
     particles: int
     substeps: int
     interactions: float
-    compression: float
-    mach: float
     wall: float
     own: float
     rate: float
-    effort: float
     runs: int
     spread: float
     differing: int
@@ -83,11 +75,6 @@ class Point(NamedTuple):
     def cost(self) -> float:
         """Processor seconds per simulated second."""
         return self.time / self.seconds
-
-    @property
-    def good(self) -> bool:
-        """Whether it came to an end with an error worth the name."""
-        return 0 < self.error < ABSURD
 
 
 class Sampling(NamedTuple):
@@ -225,7 +212,8 @@ def make_point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
         name: float(np.median(values)) if len(values) else math.nan
         for name, values in columns.items()
     }
-    work = {name: value for name, value in kept["outcome"].items() if name in Point._fields}
+    names = {field.name for field in fields(Point)}
+    work = {name: value for name, value in kept["outcome"].items() if name in names}
     return Point(
         **facts, **work, **medians, runs=len(own), spread=_spread(own * speed),
         differing=kept["differing"], speed=medians["rate"],

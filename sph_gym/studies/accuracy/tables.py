@@ -19,6 +19,13 @@ from sph_gym.studies.accuracy.analysis import TARGETS, TIME, ValueGain
 from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.accuracy.promises import Trial, records
 
+# Entries of a point in their order, the setting apart.
+COLUMNS = (
+    "scene", "knob", "dx", "error", "cause", "seconds", "particles", "substeps", "interactions",
+    "compression", "mach", "wall", "own", "rate", "effort", "runs", "spread", "differing", "key",
+    "speed",
+)  # fmt: skip
+
 
 def write_scene(points: Sequence[Point], folder: Path) -> None:
     """Write the tables of one scene, and the one from which its settings are recommended."""
@@ -30,7 +37,7 @@ def write_scene(points: Sequence[Point], folder: Path) -> None:
     offered = [p for p in points if p.setting.series in kept and kept[p.setting.series].safe]
     sources = source_hash("solver", "scenes", "controllers", "recommend/runs.py")
     comment = f"sources {sources}; {machine.describe()['processor']}; {points[0].speed:.4g}/s"
-    write_rows(scene, offered, folder / f"{scene}_lines.csv", comment)
+    write_rows(offered, folder / f"{scene}_lines.csv", comment)
 
 
 def write_all(points: Sequence[Point], trials: Sequence[Trial], folder: Path) -> None:
@@ -65,8 +72,6 @@ def _write(rows: list[dict[str, Any]], stem: Path) -> None:
 
 def record(point: Point) -> dict[str, Any]:
     """Return a point as a row of a table."""
-    fields = point._asdict()
-    setting = fields.pop("setting")
     computed = {
         "processor_time": point.time,
         "processor_time_per_simulated_second": point.cost,
@@ -74,7 +79,7 @@ def record(point: Point) -> dict[str, Any]:
         "particle_steps_per_simulated_second": point.particles * point.substeps / point.seconds,
         "interactions_per_simulated_second": point.interactions / point.seconds,
     }
-    return {**fields, **setting._asdict(), **computed}
+    return {name: getattr(point, name) for name in COLUMNS} | point.setting._asdict() | computed
 
 
 def gain_rows(points: Sequence[Point]) -> list[dict[str, Any]]:

@@ -97,7 +97,7 @@ def in_turns(runs: Sequence[Callable[[], float]], rounds: int) -> NDArray[np.flo
 def clocked(
     function: Callable[[], object], clock: Callable[[], float] = time.perf_counter
 ) -> float:
-    """How long a call takes [s]."""
+    """Return how long a call takes [s]."""
     began = clock()
     function()
     return clock() - began

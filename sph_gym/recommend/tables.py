@@ -38,7 +38,7 @@ def read(scene: str, path: Path | None = None) -> list[Run]:
 
 
 def _rows(text: str) -> list[dict[str, str]]:
-    """Return rows that have all columns. Raises ValueError that tells what is wrong."""
+    """Return rows that have all columns. Raises ValueError that says what is wrong."""
     table = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
     missing = [name for name in COLUMNS if name not in (table.fieldnames or ())]
     if missing:

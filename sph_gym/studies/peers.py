@@ -24,7 +24,7 @@ PATIENCE = 600.0
 WORK = 1_500_000
 # Our calls in a round.
 CALLS = 9
-# Speeds that are compared: a name in the peer's result, and what tells its row from the main one.
+# Speeds that are compared: a name in the peer's result, and the end of its row's name.
 SPEEDS = {"Mps_all": "", "Mps_fluid": ", fluid alone", "Mps_all_cpu": ", by processor time"}
 NEEDED = ("Mps_all", "nbr")
 

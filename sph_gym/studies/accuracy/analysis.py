@@ -12,7 +12,7 @@ from sph_gym.recommend.settings import LONGEST
 from sph_gym.scenes.refinement import refinement
 from sph_gym.studies.accuracy.points import Point
 
-# Errors for which the cheapest settings are told, and the cost by which they are the cheapest.
+# Errors for which the cheapest settings are listed, and the cost by which they are the cheapest.
 TARGETS = (0.05, 0.02, 0.01, 0.005)
 TIME = "cost"
 # Name of the knob of runs in which several were turned.
@@ -29,9 +29,9 @@ FEWEST = 2
 
 
 class Gain(NamedTuple):
-    """How many times faster at equal error; bound: ">" or "<" where it is at least or at most so.
+    """Gain in speed at equal error: how many times faster.
 
-    bound is "" where the gain was interpolated between measured runs.
+    bound: ">" or "<" where it is at least or at most so, "" where it was interpolated.
     """
 
     gain: float

@@ -78,7 +78,7 @@ class Point(Run):
 
 
 class Sampling(NamedTuple):
-    """Where points are kept, how often each is run at least, and whether times are taken anew."""
+    """Folder of kept points, least number of runs of each, whether times are taken anew."""
 
     folder: Path
     repeats: int = 3

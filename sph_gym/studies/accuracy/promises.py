@@ -44,8 +44,8 @@ def try_out(case: Refinement, points: Sequence[Point], sampling: Sampling) -> li
     """Return recommendations between the measured resolutions and in other cases, with their runs.
 
     None without a series to recommend, nor where errors lie within their scatter, since all
-    promises are then the same. In other cases, whoever asks gets what was run there; what is tried
-    is the setting next to it, of which the same series makes a promise.
+    promises are then the same. In other cases, what is recommended was run there already; what is
+    tried is the setting next to it, of which the same series makes a promise.
     """
     floor = noise_floor(nominal_series(points))
     series = offered(points, floor)

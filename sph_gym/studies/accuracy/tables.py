@@ -47,18 +47,18 @@ def write_all(points: Sequence[Point], trials: Sequence[Trial], folder: Path) ->
     _write([record(found) for found in points], folder / "points")
     _write(records(trials), folder / "promises")
     _write(settings, folder / "cheapest")
-    told = [_published_setting(row) for row in settings]
+    short = [_published_setting(row) for row in settings]
     gains = [row for own in by_scene for row in _published_gains(own)]
     (folder / "found").mkdir(exist_ok=True)
     for name, columns, rows in (
-        ("cheapest", published.CHEAPEST, told),
+        ("cheapest", published.CHEAPEST, short),
         ("gains", published.GAINS, gains),
     ):
         with (folder / "found" / f"{name}.csv").open("w", newline="") as file:
             writer = csv.DictWriter(file, columns)
             writer.writeheader()
             writer.writerows(rows)
-    (folder / "found" / "cheapest.md").write_text(_page(told))
+    (folder / "found" / "cheapest.md").write_text(_page(short))
 
 
 def _write(rows: list[dict[str, Any]], stem: Path) -> None:
@@ -128,17 +128,17 @@ def cheapest_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
 def _published_setting(row: dict[str, Any]) -> dict[str, Any]:
     """Return a row of `cheapest_rows` in few words; without a setting if it is one of chance."""
     case = refinement(row["scene"])
-    told = {"scene": case.scene, "target": row["target"]}
+    short = {"scene": case.scene, "target": row["target"]}
     if row["reached"] and not case.erratic:
         setting = Setting(**{name: row[name] for name in Setting._fields})
         changes = setting.differences(nominal(case, setting.across))
-        told |= {
+        short |= {
             "error": f"{row['error_without_luck']:.3g}",
             "seconds": f"{row['processor_time']:.2g}",
             "across": setting.across,
             "changes": ", ".join(write_changes(changes)),
         }
-    return told
+    return short
 
 
 def _published_gains(points: Sequence[Point]) -> Iterator[dict[str, Any]]:
@@ -155,13 +155,13 @@ def _published_gains(points: Sequence[Point]) -> Iterator[dict[str, Any]]:
             yield row
 
 
-def _page(told: Sequence[dict[str, Any]]) -> str:
+def _page(rows: Sequence[dict[str, Any]]) -> str:
     """Return the cheapest settings of scenes as a table in Markdown."""
     targets = [f"{100 * target:g} %" for target in TARGETS]
     lines = [f"| scene | {' | '.join(targets)} |", "|---" * (len(targets) + 1) + "|"]
     missing = []
-    for scene, rows in groupby(told, lambda row: str(row["scene"]).replace("_", " ")):
-        cells = [f"{row['seconds']} s, {row['across']}" if "error" in row else "-" for row in rows]
+    for scene, own in groupby(rows, lambda row: str(row["scene"]).replace("_", " ")):
+        cells = [f"{row['seconds']} s, {row['across']}" if "error" in row else "-" for row in own]
         if set(cells) == {"-"}:
             missing.append(scene)
         else:

@@ -140,13 +140,15 @@ def set_ticks(axes: Any) -> None:
 
 def draw_scene(case: Refinement, points: Sequence[Point], path: Path) -> Path:
     """Draw error over time and over work, with the front numbered and explained below."""
-    figure = _new_figure(12, 8.5)
-    upper, lower = figure.subfigures(2, 1, height_ratios=(3, 1))
+    best = _spread_out(analysis.front(points, TIME))
+    text = _explanation(case, points, best)
+    heights = 6.4, 0.2 * (text.count("\n") + 2)
+    figure = _new_figure(12.0, sum(heights))
+    upper, lower = figure.subfigures(2, 1, height_ratios=heights)
     every = upper.subplots(1, 2, sharey=True)
     for axes, (cost, label) in zip(every, PANELS.items(), strict=True):
         _draw_panel(axes, case, points, cost)
         axes.set_xlabel(label)
-    best = _spread_out(analysis.front(points, TIME))
     for k, point in enumerate(best, 1):
         every[0].annotate(
             str(k), (point.cost, 100 * point.error), xytext=(-11, -11), zorder=8,
@@ -158,7 +160,7 @@ def draw_scene(case: Refinement, points: Sequence[Point], path: Path) -> Path:
     upper.legend(handles, labels, frameon=False, ncols=5, fontsize=9, loc="outside lower center")
     title = f"{case.scene.replace('_', ' ')}: {case.measure}\n{_conclusion(points)}"
     upper.suptitle(title, fontsize=12)
-    lower.text(0.05, 0.95, _explanation(case, points, best), fontsize=9, va="top", linespacing=1.4)
+    lower.text(0.05, 0.97, text, fontsize=9, va="top", linespacing=1.4)
     return _save(figure, path)
 
 

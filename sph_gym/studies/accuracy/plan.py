@@ -31,7 +31,7 @@ Runs = Mapping[Setting, Point]
 
 
 class StudyPlan(NamedTuple):
-    """Values that are tried: scenes; factors of h / dx, of the stable step and of c0; epsilons; names.
+    """Values to try: scenes; factors of h / dx, of the stable step and of c0; epsilons; names.
 
     sizes: how many resolutions, coarse first, None for all; chain: whether what pays is combined;
     promises: whether recommendations are tried out; repeats: runs of which a time is the median.

@@ -10,7 +10,7 @@ import numpy as np
 
 from sph_gym import scenes
 from sph_gym.recommend.runs import CAREFUL, execute, rate
-from sph_gym.recommend.series import FEWEST, Choice, Run, Series, fit, noise_floor
+from sph_gym.recommend.series import FEWEST, Choice, MeasuredRun, Series, fit, noise_floor
 from sph_gym.recommend.settings import Setting, nominal
 from sph_gym.recommend.tables import read
 from sph_gym.recommend.trial_runs import Probe, Settled, settle
@@ -110,12 +110,12 @@ def advise(
     return Advice(case, settled.choice, seconds, floor, tried, budget, best)
 
 
-def offered(rows: Iterable[Run], floor: float) -> list[Series]:
+def offered(rows: Iterable[MeasuredRun], floor: float) -> list[Series]:
     """Return the series of a scene that may be recommended."""
     return [series for series in fit(rows, floor).values() if series.safe]
 
 
-def floor_of(rows: Sequence[Run]) -> float:
+def floor_of(rows: Sequence[MeasuredRun]) -> float:
     """Return the noise floor of a scene, by its own settings in a table; 0 without them."""
     if not rows:
         return 0.0

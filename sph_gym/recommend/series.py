@@ -38,7 +38,7 @@ MOST_COMPRESSION, MOST_MACH = 0.02, 0.35
 
 
 @dataclass(frozen=True)
-class Run:
+class MeasuredRun:
     """One run of a series.
 
     error: a share, NaN after a blow-up; effort: particle-steps of the benchmark that take as long;
@@ -58,7 +58,7 @@ class Run:
         return 0 < self.error < ABSURD
 
 
-AnyRun = TypeVar("AnyRun", bound=Run)
+AnyRun = TypeVar("AnyRun", bound=MeasuredRun)
 
 
 # --- Errors over resolutions ----------------------------------------------------------------
@@ -119,7 +119,7 @@ def is_flat(costs: Sequence[float], errors: Sequence[float]) -> bool:
     return not -3 * slope(costs, errors) >= LEAST_ORDER
 
 
-def noise_floor(own: Iterable[Run]) -> float:
+def noise_floor(own: Iterable[MeasuredRun]) -> float:
     """Return the largest error of a scene's own settings where they don't fall with dx, else 0."""
     good = [run for run in own if run.good]
     errors = [run.error for run in good]
@@ -191,7 +191,7 @@ def group(runs: Iterable[AnyRun]) -> dict[Setting, list[AnyRun]]:
     return {own: sorted(s, key=lambda run: run.setting.across) for own, s in found.items()}
 
 
-def fit(runs: Iterable[Run], floor: float) -> dict[Setting, Series]:
+def fit(runs: Iterable[MeasuredRun], floor: float) -> dict[Setting, Series]:
     """Return the series of one scene that count, under their settings at no resolution.
 
     None on which a run failed, that ends before the finest resolution of the scene, whose fluid is
@@ -207,23 +207,23 @@ def fit(runs: Iterable[Run], floor: float) -> dict[Setting, Series]:
     }
 
 
-def _counts(runs: Sequence[Run], flat: bool) -> bool:
+def _counts(runs: Sequence[MeasuredRun], flat: bool) -> bool:
     complete = len(runs) >= FEWEST and all(run.good for run in runs)
     return complete and not too_soft(runs) and (flat or falls(*errors_of(runs)))
 
 
-def too_soft(runs: Iterable[Run]) -> bool:
+def too_soft(runs: Iterable[MeasuredRun]) -> bool:
     """Return whether the fluid of any run is too compressible for what happens to it."""
     return any(run.compression > MOST_COMPRESSION or run.mach > MOST_MACH for run in runs)
 
 
-def errors_of(runs: Iterable[Run]) -> tuple[Array, Array]:
+def errors_of(runs: Iterable[MeasuredRun]) -> tuple[Array, Array]:
     """Return (n,) particles across, coarse first, and errors."""
     found = np.array(sorted((run.setting.across, run.error) for run in runs), float)
     return found[:, 0], found[:, 1]
 
 
-def _series(own: Setting, runs: Sequence[Run], floor: float) -> Series:
+def _series(own: Setting, runs: Sequence[MeasuredRun], floor: float) -> Series:
     across, errors = errors_of(runs)
     counted = envelope(raised(across, errors))
     promised = doubt(across, errors) * counted

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from sph_gym.recommend.series import Run
+from sph_gym.recommend.series import MeasuredRun
 from sph_gym.recommend.settings import Setting
 from sph_gym.solver.checks import positive
 
@@ -21,7 +21,7 @@ def shipped() -> list[str]:
     return sorted(file.name.removesuffix(".csv") for file in DATA.iterdir())
 
 
-def read(scene: str, path: Path | None = None) -> list[Run]:
+def read(scene: str, path: Path | None = None) -> list[MeasuredRun]:
     """Return the runs of a scene in a table, by default the one that comes with the package.
 
     Raises ValueError if there is none, or if it is no such table.
@@ -66,10 +66,10 @@ def _row(row: dict[str, str]) -> Run:
         if values[name] < 0 or math.isinf(values[name]):
             raise ValueError(f"{name}: expected a share of at least 0, got {values[name]}")
     measured = [values.pop(name) for name in MEASURED]
-    return Run(row["scene"], Setting(**values), *measured)
+    return MeasuredRun(row["scene"], Setting(**values), *measured)
 
 
-def write(runs: Iterable[Run], path: Path, comment: str) -> None:
+def write(runs: Iterable[MeasuredRun], path: Path, comment: str) -> None:
     """Write a table of runs, which `read` takes."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:

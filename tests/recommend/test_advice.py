@@ -10,7 +10,7 @@ from sph_gym import recommend, scenes
 from sph_gym.__main__ import main
 from sph_gym.recommend import advice, published, series
 from sph_gym.recommend.runs import execute
-from sph_gym.recommend.series import Run
+from sph_gym.recommend.series import MeasuredRun
 from sph_gym.recommend.settings import nominal
 from sph_gym.recommend.tables import read, shipped, write
 from sph_gym.scenes.refinement import names, refinement
@@ -27,7 +27,7 @@ def offered(rows):
 def samples(factor=1.0, order=1.0, sizes=(10, 20, 40), **changes):
     """A line whose error goes as dx^order and whose effort as dx^-3."""
     return [
-        Run(
+        MeasuredRun(
             DROP.scene, nominal(DROP, n)._replace(**changes), 0.2 * n**-order, factor * 100.0 * n**3
         )
         for n in sizes

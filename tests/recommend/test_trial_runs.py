@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sph_gym.recommend import advice, trial_runs
-from sph_gym.recommend.series import Run
+from sph_gym.recommend.series import MeasuredRun
 from sph_gym.recommend.settings import nominal
 from sph_gym.scenes.refinement import refinement
 
@@ -18,7 +18,9 @@ def offered(rows):
 def samples(factor=1.0, **changes):
     """A line whose error goes as dx and whose effort as dx^-3."""
     return [
-        Run(DROP.scene, nominal(DROP, n)._replace(**changes), 0.2 / n, factor * 100.0 * n**3)
+        MeasuredRun(
+            DROP.scene, nominal(DROP, n)._replace(**changes), 0.2 / n, factor * 100.0 * n**3
+        )
         for n in (10, 20, 40)
     ]
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 import pytest
 
 from sph_gym.recommend import advice
-from sph_gym.recommend.series import Run
 from sph_gym.recommend.settings import nominal
 from sph_gym.scenes.refinement import refinement
 from sph_gym.studies.accuracy import points, promises

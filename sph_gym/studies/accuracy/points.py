@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sph_gym.controllers.network import shipped_network
 from sph_gym.provenance import content_hash
 from sph_gym.recommend.runs import RunOutcome, Schedule, execute, rate
-from sph_gym.recommend.series import Run
+from sph_gym.recommend.series import MeasuredRun
 from sph_gym.recommend.settings import Setting, build, is_agent
 from sph_gym.scenes.refinement import Refinement
 from sph_gym.studies import machine
@@ -38,7 +38,7 @@ LOST = RunOutcome(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Point(Run):
+class Point(MeasuredRun):
     """One run as the study has it.
 
     knob: which setting was changed; cause: of the blow-up; seconds: of physical time; particles:

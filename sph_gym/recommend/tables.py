@@ -49,7 +49,7 @@ def _rows(text: str) -> list[dict[str, str]]:
     return rows
 
 
-def _row(row: dict[str, str]) -> Run:
+def _row(row: dict[str, str]) -> MeasuredRun:
     kinds = {**Setting.__annotations__, **dict.fromkeys(MEASURED, float)}
     values: dict[str, Any] = {}
     for name, kind in kinds.items():

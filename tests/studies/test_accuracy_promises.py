@@ -90,7 +90,10 @@ def test_promises_are_tried_between_the_resolutions_and_in_other_cases(tmp_path,
 def test_another_case_is_answered_as_a_user_would_be():
     """The cheaper line fails in the other case, so that the dear one is advised."""
     cheap, dear = (
-        [Run(DROP.scene, drop(across=n, kernel=kernel), 0.1 / n, effort * n**3) for n in (6, 8, 10)]
+        [
+            MeasuredRun(DROP.scene, drop(across=n, kernel=kernel), 0.1 / n, effort * n**3)
+            for n in (6, 8, 10)
+        ]
         for kernel, effort in (("spiky", 1.0), ("wendland_c2", 9.0))
     )
     fitted = advice.offered([*cheap, *dear], 0.0)

@@ -19,9 +19,7 @@ def samples(factor=1.0, **changes):
     """A line whose error goes as dx and whose effort as dx^-3."""
     own = nominal(DROP)._replace(**changes)
     return [
-        MeasuredRun(
-            DROP.scene, nominal(DROP, n)._replace(**changes), 0.2 / n, factor * 100.0 * n**3
-        )
+        MeasuredRun(DROP.scene, own._replace(across=n), 0.2 / n, factor * 100.0 * n**3)
         for n in (10, 20, 40)
     ]
 

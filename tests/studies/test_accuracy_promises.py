@@ -4,6 +4,7 @@ from dataclasses import replace
 import pytest
 
 from sph_gym.recommend import advice
+from sph_gym.recommend.series import MeasuredRun
 from sph_gym.recommend.settings import nominal
 from sph_gym.scenes.refinement import refinement
 from sph_gym.studies.accuracy import points, promises
@@ -89,12 +90,10 @@ def test_promises_are_tried_between_the_resolutions_and_in_other_cases(tmp_path,
 
 def test_another_case_is_answered_as_a_user_would_be():
     """The cheaper line fails in the other case, so that the dear one is advised."""
+    kinds = [(drop(kernel="spiky"), 1.0), (drop(kernel="wendland_c2"), 9.0)]
     cheap, dear = (
-        [
-            MeasuredRun(DROP.scene, drop(across=n, kernel=kernel), 0.1 / n, effort * n**3)
-            for n in (6, 8, 10)
-        ]
-        for kernel, effort in (("spiky", 1.0), ("wendland_c2", 9.0))
+        [MeasuredRun("", own._replace(across=n), 0.1 / n, pace * n**3) for n in (6, 8, 10)]
+        for own, pace in kinds
     )
     fitted = advice.offered([*cheap, *dear], 0.0)
 

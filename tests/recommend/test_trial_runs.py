@@ -4,24 +4,8 @@ import numpy as np
 import pytest
 
 from sph_gym.recommend import advice, trial_runs
-from sph_gym.recommend.series import MeasuredRun
 from sph_gym.recommend.settings import nominal
-from sph_gym.scenes.refinement import refinement
-
-DROP = refinement("elliptical_drop")
-
-
-def offered(rows):
-    return advice.offered(rows, advice.floor_of(rows))
-
-
-def samples(factor=1.0, **changes):
-    """A line whose error goes as dx and whose effort as dx^-3."""
-    own = nominal(DROP)._replace(**changes)
-    return [
-        MeasuredRun(DROP.scene, own._replace(across=n), 0.2 / n, factor * 100.0 * n**3)
-        for n in (10, 20, 40)
-    ]
+from tests.recommend.made_up import DROP, offered, samples
 
 
 def test_another_case_corrects_what_is_promised():

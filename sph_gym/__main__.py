@@ -122,7 +122,7 @@ def _study(options: argparse.Namespace) -> int:
     if options.point is not None:
         if options.name != "accuracy":
             raise ValueError(f"--point: only the study accuracy has it, not {options.name}")
-        from sph_gym.studies.accuracy.rerun import rerun
+        from sph_gym.studies.accuracy import rerun
 
         return rerun(options.point, Path(options.output) / "accuracy")
     peers = Peers(Path(options.peers), options.peers_python) if options.peers else None
@@ -147,23 +147,23 @@ def _add_recommend(commands: Any) -> None:
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    from sph_gym.studies.accuracy import asking, known, recommend, telling
+    from sph_gym import recommend
 
     if options.error is None and options.budget is None:
         if options.set or options.table:
             raise ValueError("--set, --table: expected --error or --budget beside it, got neither")
-        print(*known.tell(options.scene), sep="\n")
+        print(*recommend.summarize(options.scene), sep="\n")
         return 0
     advice = recommend.advise(
         options.scene,
-        None if options.error is None else asking.parse_error(options.error),
-        None if options.budget is None else asking.parse_budget(options.budget),
+        None if options.error is None else recommend.parse_error(options.error),
+        None if options.budget is None else recommend.parse_budget(options.budget),
         dict(map(_assignment, options.set)),
         options.table,
     )
-    for name, value in telling.describe(advice):
+    for name, value in recommend.describe(advice):
         print(f"{name + ':':<16}{value}")
-    print("", telling.program(advice), sep="\n")
+    print("", recommend.program(advice), sep="\n")
     return 0
 
 

@@ -8,21 +8,15 @@ import pytest
 
 from sph_gym import Simulation, scenes
 from sph_gym.__main__ import main
+from sph_gym.recommend.runs import execute
+from sph_gym.recommend.settings import build, nominal
+from sph_gym.scenes.shared.refinement import RMS, refinement
 from sph_gym.studies import accuracy
-from sph_gym.studies.accuracy import (
-    luck,
-    plan,
-    points,
-    policies,
-    problems,
-    shelf,
-    study,
-)
-from sph_gym.studies.accuracy.running import execute
-from sph_gym.studies.accuracy.settings import build, nominal
+from sph_gym.studies.accuracy import agents, analysis, plan, points, study
+from sph_gym.studies.accuracy.points import Sampling, measure_point
 
-DROP = replace(problems.problem("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
-SMALL = plan.Plan(
+DROP = replace(refinement("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
+SMALL = plan.StudyPlan(
     scenes=("elliptical_drop",), widths=(0.9,), steps=(1.5,), sounds=(0.5,), epsilons=(),
     kernels=(), densities=(), dtypes=(), integrators=(), controllers=("cfl", "tuned_cfl"),
     repeats=1,
@@ -41,29 +35,27 @@ def steady_clock(monkeypatch):
 def small(monkeypatch):
     """The study of one small drop."""
     monkeypatch.setattr(study, "FULL", SMALL)
-    monkeypatch.setattr(study, "problem", lambda name: DROP)
+    monkeypatch.setattr(study, "refinement", lambda name: DROP)
 
 
 def drop(**changes):
     return nominal(DROP)._replace(**changes)
 
 
-# --- problems and settings ------------------------------------------------------------------
+# --- Settings ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", accuracy.names())
-def test_every_problem_is_one_of_its_scene(name):
-    problem = problems.problem(name)
+def test_every_refinement_series_fits_its_scene(name):
+    case = refinement(name)
     assert scenes.reference(name) is not None
-    changed = {argument for other in problem.others for argument in other}
-    assert {problem.length, *problem.arguments, *changed} <= set(scenes.parameters(name))
+    changed = {argument for other in case.others for argument in other}
+    assert {case.length, *case.arguments, *changed} <= set(scenes.parameters(name))
     # two other cases, or why there is none
-    assert problem.erratic or len(problem.others) == 2 or problem.single
-    assert list(problem.sizes) == sorted(problem.sizes)
-    assert problem.nominal in problem.sizes
-    assert problem.build(problem.sizes[0]).dx == pytest.approx(
-        problem.metres() / problem.sizes[0], rel=0.1
-    )
+    assert case.erratic or len(case.others) == 2 or case.single
+    assert list(case.sizes) == sorted(case.sizes)
+    assert case.nominal in case.sizes
+    assert case.build(case.sizes[0]).dx == pytest.approx(case.metres() / case.sizes[0], rel=0.1)
 
 
 def test_every_scene_with_a_reference_is_measured_but_those_at_rest_and_a_fall():
@@ -97,9 +89,9 @@ def test_the_nominal_setting_is_the_scene_itself():
 
 
 def test_summation_takes_the_diffusion_with_it():
-    problem = problems.problem("colliding_patches")
-    assert nominal(problem).density == "continuity"
-    scene = build(problem, nominal(problem, 14)._replace(density="summation"))
+    case = refinement("colliding_patches")
+    assert nominal(case).density == "continuity"
+    scene = build(case, nominal(case, 14)._replace(density="summation"))
     assert not scene.effects.continuity
     assert scene.effects.density_diffusion is None
 
@@ -109,7 +101,7 @@ def test_summation_takes_the_diffusion_with_it():
 
 def test_a_point_is_the_same_to_the_last_bit_when_it_is_run_again(tmp_path):
     first, second = (
-        points.point(DROP, "nominal", drop(), tmp_path / place, repeats=1) for place in "ab"
+        measure_point(DROP, "nominal", drop(), Sampling(tmp_path / place, 1)) for place in "ab"
     )
     assert first.error == second.error
     assert (first.interactions, first.substeps) == (second.interactions, second.substeps)
@@ -121,42 +113,40 @@ def test_the_error_is_that_of_the_scene(tmp_path):
     reference = scenes.reference("elliptical_drop")
     sim = Simulation(build(DROP, drop()), threads=1)
     run = reference.run(sim)
-    found = points.point(DROP, "nominal", drop(), tmp_path, repeats=1)
+    found = measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 1))
     assert found.error == reference.judge(run)[0].value / 100
     assert found.seconds == pytest.approx(sim.scene.duration)
 
 
 def test_an_error_over_all_frames_is_a_root_mean_square():
-    problem = replace(DROP, measure=problems.RMS)
+    case = replace(DROP, measure=RMS)
     errors = []
     reference = scenes.reference("elliptical_drop")
-    sim = Simulation(build(problem, drop()), threads=1)
+    sim = Simulation(build(case, drop()), threads=1)
     watched = replace(reference, observe=lambda sim: errors.append(reference.error(sim)) or {})
     watched.run(sim)
-    assert execute(problem, drop()).error == pytest.approx(
-        np.sqrt(np.mean(np.square(errors))) / 100
-    )
+    assert execute(case, drop()).error == pytest.approx(np.sqrt(np.mean(np.square(errors))) / 100)
 
 
 def test_the_record_says_all_that_the_error_depends_on(tmp_path):
-    found = points.point(DROP, "nominal", drop(), tmp_path, repeats=1)
-    record = json.loads((tmp_path / "points" / f"{found.key}.json").read_text())
-    assert record["hash"] == found.key
-    assert record["setting"] == drop()._asdict()
-    assert record["sources"] == shelf.sources()
-    assert {"processor", "numba", "numpy", "python"} <= set(record["versions"])
-    assert record["outcome"]["error"] == found.error
-    assert "wall" not in record["outcome"]
+    found = measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 1))
+    stored = json.loads((tmp_path / "points" / f"{found.key}.json").read_text())
+    key, result = stored["key"], stored["result"]
+    assert key == json.loads(json.dumps(points.key_of(DROP, drop(), 0)))
+    assert key["setting"] == drop()._asdict()
+    assert {"processor", "numba", "numpy", "python"} <= set(result["versions"])
+    assert result["outcome"]["error"] == found.error
+    assert "wall" not in result["outcome"]
 
 
 def test_what_is_kept_is_not_run_again_and_times_only_if_asked_for(tmp_path, monkeypatch):
-    first = points.point(DROP, "nominal", drop(), tmp_path, repeats=2)
+    first = measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 2))
     assert first.runs == 2
     runs = []
     monkeypatch.setattr(points, "execute", lambda *a: runs.append(a) or execute(*a))
-    assert points.point(DROP, "nominal", drop(), tmp_path, repeats=2) == first
+    assert measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 2)) == first
     assert not runs
-    again = points.point(DROP, "nominal", drop(), tmp_path, repeats=2, again=True)
+    again = measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 2, True))
     assert len(runs) == 2
     assert again.error == first.error
     assert again.wall != first.wall
@@ -173,22 +163,22 @@ def test_an_interrupted_point_loses_only_the_run_in_hand(tmp_path, monkeypatch):
 
     monkeypatch.setattr(points, "execute", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        points.point(DROP, "nominal", drop(), tmp_path, repeats=3)
-    assert points.point(DROP, "nominal", drop(), tmp_path, repeats=3).runs == 3
+        measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 3))
+    assert measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 3)).runs == 3
     assert len(calls) == 4
 
 
 def test_a_run_that_gives_another_error_is_counted(tmp_path):
-    found = points.point(DROP, "nominal", drop(), tmp_path, repeats=1)
+    found = measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 1))
     path = tmp_path / "points" / f"{found.key}.json"
     record = json.loads(path.read_text())
-    record["outcome"]["error"] = float(np.nextafter(found.error, 1))
+    record["result"]["outcome"]["error"] = float(np.nextafter(found.error, 1))
     path.write_text(json.dumps(record))
-    assert points.point(DROP, "nominal", drop(), tmp_path, repeats=1, again=True).differing == 1
+    assert measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 1, True)).differing == 1
 
 
 def test_a_blow_up_is_a_point_without_an_error(tmp_path):
-    found = points.point(DROP, "step", drop(step=40.0, sound=5.0), tmp_path, repeats=3)
+    found = measure_point(DROP, "step", drop(step=40.0, sound=5.0), Sampling(tmp_path, 3))
     assert math.isnan(found.error)
     assert not found.good
     assert "blew up" in found.cause
@@ -206,11 +196,11 @@ def test_the_fluid_is_watched_without_being_touched():
 
 def test_what_counts_is_run_as_often_as_a_median_needs(tmp_path):
     made = [
-        points.point(DROP, "resolution", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
+        measure_point(DROP, "resolution", nominal(DROP, n), Sampling(tmp_path, 1))
+        for n in (6, 8, 10)
     ]
-    lone = points.point(DROP, "kernel", drop(kernel="spiky"), tmp_path, repeats=1)
-    shop = study.Shop(tmp_path, 3, False)
-    topped = study.topped_up(DROP, [*made, lone], shop)
+    lone = measure_point(DROP, "kernel", drop(kernel="spiky"), Sampling(tmp_path, 1))
+    topped = study.repeat_counted(DROP, [*made, lone], Sampling(tmp_path, 3))
     assert [point.runs >= 3 for point in topped] == [True, True, True, False]
     assert [point.error for point in topped] == [point.error for point in [*made, lone]]
 
@@ -249,21 +239,21 @@ def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
     def blow_up(name, scene):
         raise RuntimeError("ppo: blew up")
 
-    monkeypatch.setattr(policies, "schedule", blow_up)
-    found = points.point(DROP, "controller", drop(controller="ppo"), tmp_path, repeats=1)
+    monkeypatch.setattr(agents, "play", blow_up)
+    found = measure_point(DROP, "controller", drop(controller="ppo"), Sampling(tmp_path, 1))
     assert not found.good
     assert found.cause == "its agent blew up"
-    start = points.point(DROP, "nominal", drop(), tmp_path, repeats=2)
-    rows = list(study.rows(DROP, luck.at_usual_speed([start, found])))
+    start = measure_point(DROP, "nominal", drop(), Sampling(tmp_path, 2))
+    rows = list(study.rows(DROP, analysis.at_usual_speed([start, found])))
     [blown] = [row for row in rows if row.quantity == "runs that blew up"]
     assert blown.value == 1
     timed = [row for row in rows if "time" in row.quantity and "cheapest" not in row.quantity]
     assert timed
     assert all(math.isfinite(row.value) for row in timed)
-    noisy = start._replace(spread=2.0)
+    noisy = replace(start, spread=2.0)
     kept, broken = (
         next(row for row in study.rows(DROP, [run]) if row.quantity.startswith("spread of"))
-        for run in (start._replace(spread=0.1), noisy)
+        for run in (replace(start, spread=0.1), noisy)
     )
     assert kept.holds
     assert not broken.holds

@@ -3,11 +3,12 @@ from dataclasses import replace
 
 import pytest
 
-from sph_gym.studies.accuracy import gains, plan, policies, problems
-from sph_gym.studies.accuracy.settings import nominal
+from sph_gym.recommend.settings import nominal
+from sph_gym.scenes.shared.refinement import refinement
+from sph_gym.studies.accuracy import agents, analysis, plan
 
-DROP = replace(problems.problem("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
-SMALL = plan.Plan(
+DROP = replace(refinement("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
+SMALL = plan.StudyPlan(
     scenes=("elliptical_drop",), widths=(0.9,), steps=(1.5,), sounds=(0.5,), epsilons=(),
     kernels=(), densities=(), dtypes=(), integrators=(), controllers=(), repeats=1,
 )  # fmt: skip
@@ -31,9 +32,9 @@ def test_every_sweep_turns_one_knob_and_every_setting_is_run_once():
 
 
 def test_walls_limit_what_is_swept():
-    problem = problems.problem("dam_break")
-    turned = list(plan.sweeps(plan.FULL, problem))
-    assert all(setting.width <= problem.widest for _, setting in turned)
+    case = refinement("dam_break")
+    turned = list(plan.sweeps(plan.FULL, case))
+    assert all(setting.width <= case.widest for _, setting in turned)
     assert "density" not in {knob for knob, _ in turned}
 
 
@@ -55,11 +56,11 @@ def test_settings_are_combined_while_they_pay():
     small = SMALL._replace(controllers=())
     found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
     chain = []
-    for line in plan.lines(small, DROP, found):
+    for line in plan.combined(small, DROP, found):
         chain.append(line)
-        found |= {s: Faked(s) for s in plan.ladder(small, DROP, line)}
+        found |= {s: Faked(s) for s in plan.at_all_sizes(small, DROP, line)}
     assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0), (1.5, 0.5)]
-    assert all(line.across == 0 for line in chain)
+    assert all(series.across == 0 for series in chain)
 
 
 def test_the_best_values_are_also_run_by_themselves():
@@ -69,8 +70,8 @@ def test_the_best_values_are_also_run_by_themselves():
         run.interactions *= run.setting.width
     # dt is left to the chain, since no error depends on it by chance
     assert plan.alone(small, DROP, found) == [
-        nominal(DROP).line._replace(width=2.72),
-        nominal(DROP).line._replace(sound=0.5),
+        nominal(DROP).series._replace(width=2.72),
+        nominal(DROP).series._replace(sound=0.5),
     ]
     assert plan.alone(small._replace(chain=False), DROP, found) == []
 
@@ -79,9 +80,9 @@ def test_a_line_that_blew_up_is_not_built_upon():
     small = SMALL._replace(controllers=())
     found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
     chain = []
-    for line in plan.lines(small, DROP, found):
+    for line in plan.combined(small, DROP, found):
         chain.append(line)
-        found |= {s: Faked(s, line.step == 1.0) for s in plan.ladder(small, DROP, line)}
+        found |= {s: Faked(s, line.step == 1.0) for s in plan.at_all_sizes(small, DROP, line)}
     assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0), (1.0, 0.5)]
 
 
@@ -91,50 +92,54 @@ def test_precision_is_chosen_by_measured_effort(slower, dtype):
     small = SMALL._replace(dtypes=("float32", "float64"), controllers=("tuned_cfl",))
     found = {setting: Faked(setting, slower=slower) for _, setting in plan.sweeps(small, DROP)}
     chain = []
-    for line in plan.lines(small, DROP, found):
+    for line in plan.combined(small, DROP, found):
         chain.append(line)
-        found |= {s: Faked(s, slower=slower) for s in plan.ladder(small, DROP, line)}
+        found |= {s: Faked(s, slower=slower) for s in plan.at_all_sizes(small, DROP, line)}
     assert {line.dtype for line in chain[:-1]} == {dtype}
     # the rule stands by itself, so that its own gain can be told
-    assert chain[-1] == nominal(DROP).line._replace(controller="tuned_cfl")
+    assert chain[-1] == nominal(DROP).series._replace(controller="tuned_cfl")
 
 
-def test_mush_is_neither_combined_nor_anybodys_best():
+def test_a_fluid_that_is_too_soft_is_neither_combined_nor_best():
     small = SMALL._replace(controllers=())
     found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
     for setting, run in found.items():
         run.knob = "sound" if setting.sound < 1 else "resolution"
         run.compression = 0.03 if setting.sound < 1 else 0.001
     chain = []
-    for line in plan.lines(small, DROP, found):
+    for line in plan.combined(small, DROP, found):
         chain.append(line)
-        found |= {s: Faked(s) for s in plan.ladder(small, DROP, line)}
+        found |= {s: Faked(s) for s in plan.at_all_sizes(small, DROP, line)}
     assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0)]
     assert plan.alone(small, DROP, found) == []
     points = [run for run in found.values() if run.setting.step == 1.0]
-    assert gains.best(points, "sound", "interactions") is None
+    assert analysis.best_value(points, "sound", "interactions") is None
     for run in points:
         run.compression = 0.001
-    assert gains.best(points, "sound", "interactions").gain == pytest.approx(2.0)
+    assert analysis.best_value(points, "sound", "interactions").gain == pytest.approx(2.0)
 
 
 def test_erratic_scenes_are_swept_and_not_combined():
     erratic = replace(DROP, erratic=True)
     found = {setting: Faked(setting) for _, setting in plan.sweeps(plan.FULL, erratic)}
     assert len({s.across for s in found if s.step == 1.5}) == plan.FEWER
-    assert list(plan.lines(SMALL, erratic, found)) == plan.alone(SMALL, erratic, found) == []
+    assert list(plan.combined(SMALL, erratic, found)) == plan.alone(SMALL, erratic, found) == []
+
+
+def gain(own, tried):
+    return analysis.gain_of_series(own, tried, "interactions").gain
 
 
 def test_a_gain_is_the_lower_median_of_all_resolutions():
     ladder = [Faked(nominal(DROP, n)) for n in (6, 8, 10)]
     faster = [Faked(run.setting._replace(sound=0.5)) for run in ladder]
-    assert gains.gain(ladder, faster, "interactions") == pytest.approx(2.0)
+    assert gain(ladder, faster) == pytest.approx(2.0)
     # an error that crosses zero at one resolution buys nothing
     faster[1].error = 1e-9
-    assert gains.gain(ladder, faster, "interactions") == pytest.approx(2.0, rel=0.1)
-    assert math.isnan(gains.gain(ladder, faster[:1], "interactions"))
+    assert gain(ladder, faster) == pytest.approx(2.0, rel=0.1)
+    assert math.isnan(gain(ladder, faster[:1]))
     faster[0].good = False
-    assert math.isnan(gains.gain(ladder, faster, "interactions"))
+    assert math.isnan(gain(ladder, faster))
 
 
 def test_a_gain_compares_errors_at_common_resolutions():
@@ -142,43 +147,44 @@ def test_a_gain_compares_errors_at_common_resolutions():
     # a late one that counts for all that are coarser
     ladder[-1].error = 1.0
     same = [Faked(run.setting._replace(sound=0.5)) for run in ladder[:3]]
-    assert gains.gain(ladder, same, "interactions") == pytest.approx(2.0)
+    assert gain(ladder, same) == pytest.approx(2.0)
 
 
-def test_what_a_value_buys_is_told_of_all_resolutions():
+def test_what_a_value_buys_is_that_over_all_resolutions():
     start = [Faked(nominal(DROP, n), knob="resolution") for n in (6, 8, 10, 14, 20)]
     lucky = [Faked(run.setting._replace(kernel="spiky"), knob="kernel") for run in start]
     honest = [Faked(run.setting._replace(kernel="mueller"), knob="kernel") for run in start[:3]]
     for run in lucky:
         run.error = 0.1 / (10 + run.setting.across / 2)
     for run in lucky[3:]:
-        run.knob = plan.COMBINED
+        run.knob = analysis.COMBINED
     points = [*start, *lucky, *honest]
-    by_value = {found.value: found for found in gains.values(points, "kernel", "interactions")}
+    values = analysis.value_gains(points, "kernel", "interactions")
+    by_value = {found.value: found for found in values}
     assert by_value["spiky"].gain > 2
     assert by_value["spiky"].sizes == 3
-    found = gains.best(points, "kernel", "interactions")
+    found = analysis.best_value(points, "kernel", "interactions")
     assert (found.value, found.sizes) == ("spiky", 5)
     assert found.gain < by_value["spiky"].gain
 
 
-def test_steps_beyond_the_longest_are_nobodys_best():
+def test_steps_beyond_the_longest_are_never_the_best():
     start = [Faked(nominal(DROP, n), knob="resolution") for n in (6, 8, 10)]
     turned = [
         Faked(run.setting._replace(step=step), knob="step") for run in start for step in (1.5, 2.0)
     ]
     for run in turned:
         run.error = 0.1 / run.setting.across
-    assert gains.best([*start, *turned], "step", "interactions").value == "1.5"
+    assert analysis.best_value([*start, *turned], "step", "interactions").value == "1.5"
 
 
 def test_agents_are_where_they_can_be():
-    assert policies.available("lookahead", "dam_break")
-    assert not policies.available("lookahead", "couette")
-    assert policies.available("tuned_cfl", "couette")
-    assert not policies.available("ppo", "couette")
+    assert agents.available("lookahead", "dam_break")
+    assert not agents.available("lookahead", "couette")
+    assert agents.available("tuned_cfl", "couette")
+    assert not agents.available("ppo", "couette")
 
 
-def test_an_unknown_scene_is_told_the_known_ones():
+def test_an_unknown_scene_is_answered_with_the_known_ones():
     with pytest.raises(ValueError, match="expected one of elliptical_drop"):
-        problems.problem("lake")
+        refinement("lake")

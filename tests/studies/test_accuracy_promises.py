@@ -3,10 +3,14 @@ from dataclasses import replace
 
 import pytest
 
-from sph_gym.studies.accuracy import lines, points, problems, promises
-from sph_gym.studies.accuracy.settings import nominal
+from sph_gym.recommend import advice
+from sph_gym.recommend.series import MeasuredRun
+from sph_gym.recommend.settings import nominal
+from sph_gym.scenes.shared.refinement import refinement
+from sph_gym.studies.accuracy import points, promises
+from sph_gym.studies.accuracy.points import Sampling
 
-DROP = replace(problems.problem("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
+DROP = replace(refinement("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
 
 
 @pytest.fixture(autouse=True)
@@ -21,51 +25,51 @@ def drop(**changes):
     return nominal(DROP)._replace(**changes)
 
 
-def ladder(tmp_path):
-    return [
-        points.point(DROP, "nominal", nominal(DROP, n), tmp_path, repeats=1) for n in (6, 8, 10)
-    ]
+def own_series(tmp_path):
+    once = Sampling(tmp_path, 1)
+    return [points.measure_point(DROP, "nominal", nominal(DROP, n), once) for n in (6, 8, 10)]
 
 
-def told(problem, trials, quantity="measured / promised error"):
-    return [row for row in promises.rows(problem, trials) if row.quantity.startswith(quantity)]
+def rows_of(case, trials, quantity="measured / promised error"):
+    return [row for row in promises.rows(case, trials) if row.quantity.startswith(quantity)]
 
 
 def test_a_promise_that_is_broken_is_a_row_that_fails(tmp_path):
-    found = ladder(tmp_path)
-    trials = promises.tried(DROP, found, tmp_path)
-    kept = told(DROP, trials)
+    found = own_series(tmp_path)
+    trials = promises.try_out(DROP, found, Sampling(tmp_path))
+    kept = rows_of(DROP, trials)
     assert kept
     assert all(row.holds for row in kept)
-    lied = [point._replace(error=point.error / 4) for point in found]
-    assert not any(row.holds for row in told(DROP, promises.tried(DROP, lied, tmp_path)))
+    lied = [replace(point, error=point.error / 4) for point in found]
+    broken = rows_of(DROP, promises.try_out(DROP, lied, Sampling(tmp_path)))
+    assert not any(row.holds for row in broken)
     timid = [t._replace(choice=t.choice._replace(error=9 * t.choice.error)) for t in trials]
-    assert not any(row.holds for row in told(DROP, timid, "expected / measured error"))
+    assert not any(row.holds for row in rows_of(DROP, timid, "expected / measured error"))
 
 
-def test_what_is_not_tried_is_told_of(tmp_path):
-    found = ladder(tmp_path)
+def test_what_is_not_tried_has_a_row_that_says_so(tmp_path):
+    found = own_series(tmp_path)
     # too short for a line
-    assert promises.tried(DROP, found[:2], tmp_path) == []
-    flat = [point._replace(error=0.03 + 1e-4 * k) for k, point in enumerate(found)]
-    assert promises.tried(DROP, flat, tmp_path) == []
+    assert promises.try_out(DROP, found[:2], Sampling(tmp_path)) == []
+    flat = [replace(point, error=0.03 + 1e-4 * k) for k, point in enumerate(found)]
+    assert promises.try_out(DROP, flat, Sampling(tmp_path)) == []
     [none, alone] = promises.rows(DROP, [])
     assert "nothing to tell apart" in none.case
     assert "only change the units" in alone.case
 
 
 def test_promises_are_tried_between_the_resolutions_and_in_other_cases(tmp_path, monkeypatch):
-    found = ladder(tmp_path)
+    found = own_series(tmp_path)
     tried = []
-    real = promises.point
+    real = promises.measure_point
 
     def watched(*given):
-        tried.append((given[2].across, given[6]))
+        tried.append((given[2].across, given[4]))
         return real(*given)
 
-    monkeypatch.setattr(promises, "point", watched)
+    monkeypatch.setattr(promises, "measure_point", watched)
     both = replace(DROP, others=({"rate": 60.0}, {"rate": 70.0}), single="")
-    trials = promises.tried(both, found, tmp_path)
+    trials = promises.try_out(both, found, Sampling(tmp_path))
     assert {across for across, other in tried if not other} <= {7, 9}
     for other in (1, 2):
         elsewhere = [across for across, case in tried if case == other]
@@ -73,33 +77,31 @@ def test_promises_are_tried_between_the_resolutions_and_in_other_cases(tmp_path,
         assert elsewhere.count(6) == 1
         assert set(elsewhere) <= {6, 7, 8, 9, 10}
         assert len(elsewhere) > 1
-    reached = told(both, trials, "within reach")
+    reached = rows_of(both, trials, "within reach")
     assert [row.bound for row in reached] == [promises.LEAST_REACHED] * 2
     assert all(row.holds for row in reached)
     assert {trial.found.key for trial in trials} == {r["key"] for r in promises.records(trials)}
     blown = [t._replace(answered=False, early=math.inf) for t in trials]
-    assert not any(row.holds for row in told(both, blown, "within reach"))
-    assert all(row.value > 0 for row in told(both, blown, "blew up"))
+    assert not any(row.holds for row in rows_of(both, blown, "within reach"))
+    assert all(row.value > 0 for row in rows_of(both, blown, "blew up"))
     missed = [t._replace(early=1.6) for t in trials]
-    assert all(row.value > 0 for row in told(both, missed, "missed its promise"))
+    assert all(row.value > 0 for row in rows_of(both, missed, "missed its promise"))
 
 
-def test_another_case_is_told_what_anybody_would_be():
+def test_another_case_is_answered_as_a_user_would_be():
     """The cheaper line fails in the other case, so that the dear one is advised."""
+    kinds = [(drop(kernel="spiky"), 1.0), (drop(kernel="wendland_c2"), 9.0)]
     cheap, dear = (
-        [
-            promises.Sample(DROP.scene, drop(across=n, kernel=kernel), 0.1 / n, effort * n**3)
-            for n in (6, 8, 10)
-        ]
-        for kernel, effort in (("spiky", 1.0), ("wendland_c2", 9.0))
+        [MeasuredRun("", own._replace(across=n), 0.1 / n, pace * n**3) for n in (6, 8, 10)]
+        for own, pace in kinds
     )
-    fitted = lines.fit([*cheap, *dear])
+    fitted = advice.offered([*cheap, *dear], 0.0)
 
     def probe(setting):
         bad = setting.kernel == "spiky"
         return math.nan if bad else 0.1 / setting.across, 9.0 * setting.across**3
 
-    answers = list(promises._elsewhere(fitted, probe))
+    answers = list(promises._in_other_case(fitted, probe))
     assert {choice.setting.kernel for choice in promises._between(fitted)} == {"spiky"}
     assert len(answers) == len(promises.ASKED)
     assert all(answered for _, _, answered, _ in answers)
@@ -111,18 +113,18 @@ def test_another_case_is_told_what_anybody_would_be():
     def worse(setting):
         return 0.1 / setting.across * (1 + (setting.across > 6)), 9.0 * setting.across**3
 
-    answers = list(promises._elsewhere(fitted, worse))
+    answers = list(promises._in_other_case(fitted, worse))
     assert max(early for *_, early in answers if early > 0) > 1.5
-    assert list(promises._elsewhere(fitted, lambda setting: (math.nan, 1.0))) == []
+    assert list(promises._in_other_case(fitted, lambda setting: (math.nan, 1.0))) == []
 
 
 def test_times_of_promises_are_taken_anew_if_asked_for(tmp_path, monkeypatch):
-    found = ladder(tmp_path)
+    found = own_series(tmp_path)
     asked = []
-    real = promises.point
-    monkeypatch.setattr(promises, "point", lambda *a: asked.append(a[5]) or real(*a))
+    real = promises.measure_point
+    monkeypatch.setattr(promises, "measure_point", lambda *a: asked.append(a[3].again) or real(*a))
     for again in (False, True):
-        promises.tried(DROP, found, tmp_path, again)
+        promises.try_out(DROP, found, Sampling(tmp_path, again=again))
     half = len(asked) // 2
     assert asked == [False] * half + [True] * half
     assert half

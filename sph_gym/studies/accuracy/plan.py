@@ -1,37 +1,37 @@
-"""Which runs are made: every knob alone, then those that pay together at all resolutions."""
+"""Runs of the study: every knob alone, then those that pay together at all resolutions."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
+from sph_gym.recommend.series import too_soft
+from sph_gym.recommend.settings import DENSITIES, LONGEST, Setting, is_agent, nominal
+from sph_gym.scenes.shared.refinement import Refinement, names
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import KERNELS
 from sph_gym.solver.simulation import DTYPES
-from sph_gym.studies.accuracy.gains import LONGEST, Tried, Turned, gain
-from sph_gym.studies.accuracy.policies import RULES, available
-from sph_gym.studies.accuracy.problems import Problem, names
-from sph_gym.studies.accuracy.settings import DENSITIES, FIXED, Setting, nominal
-from sph_gym.studies.accuracy.trust import mush
+from sph_gym.studies.accuracy.agents import available
+from sph_gym.studies.accuracy.analysis import gain_of_series
+from sph_gym.studies.accuracy.points import Point
 
-# Beyond this h / dx nobody goes: 50 neighbours.
+# The largest h / dx that is tried: 50 neighbours.
 WIDEST = 5.0
 # At how many resolutions the knobs are turned: the nominal one and the next two coarser.
 TURNED = 3
 # The same for agents, whose search and training cost more than the runs, and where chance decides.
 FEWER = 2
-# Knobs whose values are numbers, for which an elasticity makes sense; runs of several at once.
-NUMBERS = ("resolution", "width", "step", "sound", "xsph")
-COMBINED = "combined"
 # Knobs in the order in which their best values are taken over, one upon the other.
 CHAIN = ("dtype", "step", "sound", "width", "kernel", "density", "integrator", "xsph")
-# What a value must buy by itself to be taken over.
+# Gain of a value by itself that is enough to take it over.
 WORTHWHILE = 1.1
-# Knobs whose best value is also run by itself at all resolutions, where its luck ends.
+# Knobs whose best value is also run by itself at all resolutions, which ends its luck.
 ALONE = ("width", "kernel", "density", "sound")
 
+Runs = Mapping[Setting, Point]
 
-class Plan(NamedTuple):
-    """What is tried: scenes; factors of h / dx, of the stable step and of c0; epsilons; names.
+
+class StudyPlan(NamedTuple):
+    """Values to try: scenes; factors of h / dx, of the stable step and of c0; epsilons; names.
 
     sizes: how many resolutions, coarse first, None for all; chain: whether what pays is combined;
     promises: whether recommendations are tried out; repeats: runs of which a time is the median.
@@ -49,59 +49,58 @@ class Plan(NamedTuple):
     controllers: tuple[str, ...] = ("cfl", "tuned_cfl", "lookahead", "ppo", "sac")
     sizes: int | None = None
     chain: bool = True
-    promises: bool = True
     repeats: int = 3
 
 
-FULL = Plan()
-QUICK = Plan(
+FULL = StudyPlan()
+QUICK = StudyPlan(
     scenes=("elliptical_drop", "taylor_green"), widths=(0.85,), steps=(1.5,), sounds=(0.5,),
     epsilons=(), kernels=(), densities=(), dtypes=("float32",), integrators=(),
-    controllers=("cfl",), sizes=3, chain=True, promises=True, repeats=2,
+    controllers=("cfl",), sizes=3, repeats=2,
 )  # fmt: skip
 
 
-def sizes(plan: Plan, problem: Problem) -> tuple[int, ...]:
-    """The resolutions of a scene."""
-    return problem.sizes[: plan.sizes]
+def sizes(plan: StudyPlan, case: Refinement) -> tuple[int, ...]:
+    """Return the resolutions of a scene."""
+    return case.sizes[: plan.sizes]
 
 
-def middle(plan: Plan, problem: Problem) -> int:
-    """The resolution at which the knobs are turned: the nominal one, if it is run at all."""
-    return min(problem.nominal, sizes(plan, problem)[-1])
+def start_of(plan: StudyPlan, case: Refinement) -> Setting:
+    """Return the setting from which the knobs are turned: the nominal one, if it is run at all."""
+    return nominal(case, min(case.nominal, sizes(plan, case)[-1]))
 
 
-def turned(plan: Plan, problem: Problem) -> list[int]:
-    """Resolutions at which the knobs are turned, the nominal one first."""
-    return [n for n in reversed(sizes(plan, problem)) if n <= middle(plan, problem)][:TURNED]
+def at_all_sizes(plan: StudyPlan, case: Refinement, series: Setting) -> list[Setting]:
+    """Return a setting at all resolutions."""
+    return [series._replace(across=across) for across in sizes(plan, case)]
 
 
-def sweeps(plan: Plan, problem: Problem) -> Iterator[tuple[str, Setting]]:
-    """Knob and setting of every run in which one knob alone is turned; the nominal run first.
+def sweeps(plan: StudyPlan, case: Refinement) -> Iterator[tuple[str, Setting]]:
+    """Yield knob and setting of every run in which one knob is turned alone; the nominal one first.
 
     Agents, which search or were trained, play at fewer resolutions; so do erratic scenes.
     """
-    start = nominal(problem, middle(plan, problem))
+    start = start_of(plan, case)
     yield "nominal", start
-    for across in sizes(plan, problem):
-        if across != start.across:
-            yield "resolution", start._replace(across=across)
-    for k, across in enumerate(turned(plan, problem)):
-        for knob, values in _values(plan, problem, start).items():
+    for setting in at_all_sizes(plan, case, start.series):
+        if setting != start:
+            yield "resolution", setting
+    coarser = [n for n in reversed(sizes(plan, case)) if n <= start.across]
+    for k, across in enumerate(coarser[:TURNED]):
+        for knob, values in _values(plan, case, start).items():
             for value in values:
-                bold = start._replace(**{"across": across, knob: value})  # type: ignore[arg-type]
-                dear = problem.erratic or bold.controller not in (FIXED, *RULES)
-                if bold.line != start.line and not (dear and k >= FEWER):
-                    yield knob, bold
+                turned = start._replace(**{"across": across, knob: value})  # type: ignore[arg-type]
+                dear = case.erratic or is_agent(turned.controller)
+                if turned.series != start.series and not (dear and k >= FEWER):
+                    yield knob, turned
 
 
-def _values(plan: Plan, problem: Problem, start: Setting) -> dict[str, Iterable[float | str]]:
-    widest = min(problem.widest, WIDEST)
+def _values(plan: StudyPlan, case: Refinement, start: Setting) -> dict[str, Iterable[float | str]]:
     widths = (round(factor * start.width, 2) for factor in plan.widths)
-    walled = problem.build(start.across).walls
-    like_fluid = walled is not None and walled.pressure == "like fluid"
+    walls = case.build(start.across).walls
+    like_fluid = walls is not None and walls.pressure == "like fluid"
     return {
-        "width": [width for width in widths if width <= widest],
+        "width": [width for width in widths if width <= min(case.widest, WIDEST)],
         "step": plan.steps,
         "sound": plan.sounds,
         "kernel": plan.kernels,
@@ -110,101 +109,69 @@ def _values(plan: Plan, problem: Problem, start: Setting) -> dict[str, Iterable[
         "dtype": plan.dtypes,
         "integrator": plan.integrators,
         "xsph": plan.epsilons,
-        "controller": [name for name in plan.controllers if available(name, problem.scene)],
+        "controller": [name for name in plan.controllers if available(name, case.scene)],
     }
 
 
-def lines(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> Iterator[Setting]:
-    """Settings, at no resolution, that are run at all resolutions besides the nominal one.
+def combined(plan: StudyPlan, case: Refinement, found: Runs) -> Iterator[Setting]:
+    """Yield the series that are run besides the nominal one, as settings at no resolution.
 
-    One knob after the other takes the value that buys most by itself, by deterministic work and
-    at equal error. Each line keeps what the one before has, if that was better for it and went
-    well at every resolution. The tuned CFL rule by itself comes last. found: the runs so far, to
-    which those of a line have been added when the next one is asked for. None for an erratic scene,
-    which has no front.
+    One knob after the other takes the value with the largest gain by itself, by deterministic work
+    and at equal error. Each series keeps what the one before has, if that was better for it and
+    went well at every resolution. The tuned CFL rule by itself comes last. None for an erratic
+    scene, which has no front. found: the runs so far, to which those of a series have been added
+    when the next one is asked for.
     """
-    start = nominal(problem, middle(plan, problem))
-    nominal_line = [found[s] for s in ladder(plan, problem, start.line)]
-    chained = plan.chain and not problem.erratic
-    values = _worthwhile(plan, problem, found) if chained else {}
-    faster = values["dtype"].gain if "dtype" in values else 1.0
-    present, best = start, 1.0
-    for knob, worth in values.items():
-        bold = present._replace(**{knob: worth.value})
-        yield bold.line
-        runs = [found[s] for s in ladder(plan, problem, bold.line)]
-        bought = _gain(nominal_line, runs, "interactions")
-        bought *= faster if bold.dtype != start.dtype else 1.0
-        if bought > best and not mush(runs):
-            present, best = bold, bought
-    if chained and "tuned_cfl" in plan.controllers:
-        yield start.line._replace(controller="tuned_cfl")
+    if not plan.chain or case.erratic:
+        return
+    start = start_of(plan, case)
+    own = [found[s] for s in at_all_sizes(plan, case, start.series)]
+    values = _worthwhile(plan, case, found)
+    faster = values["dtype"][1] if "dtype" in values else 1.0
+    present, most = start, 1.0
+    for knob, (value, _) in values.items():
+        turned = present._replace(**{knob: value})
+        yield turned.series
+        runs = [found[s] for s in at_all_sizes(plan, case, turned.series)]
+        gain = _gain(own, runs, "interactions") * (faster if turned.dtype != start.dtype else 1.0)
+        if gain > most and not too_soft(runs):
+            present, most = turned, gain
+    if "tuned_cfl" in plan.controllers:
+        yield start.series._replace(controller="tuned_cfl")
 
 
-def alone(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> list[Setting]:
-    """Settings, at no resolution, in which one knob has its best value: are they more than luck?"""
-    line = nominal(problem, middle(plan, problem)).line
-    if not plan.chain or problem.erratic:
+def alone(plan: StudyPlan, case: Refinement, found: Runs) -> list[Setting]:
+    """Return the series in which one knob has its best value: is it more than luck?"""
+    if not plan.chain or case.erratic:
         return []
-    values = _worthwhile(plan, problem, found)
-    return [line._replace(**{knob: values[knob].value}) for knob in ALONE if knob in values]
+    own, values = start_of(plan, case).series, _worthwhile(plan, case, found)
+    return [own._replace(**{knob: values[knob][0]}) for knob in ALONE if knob in values]
 
 
-class Best(NamedTuple):
-    """A value of a knob and what it buys by itself."""
+def _worthwhile(plan: StudyPlan, case: Refinement, found: Runs) -> dict[str, tuple[Any, float]]:
+    """Return value and gain of each knob whose best value by itself is worthwhile.
 
-    value: Any
-    gain: float
-
-
-def _worthwhile(plan: Plan, problem: Problem, found: Mapping[Setting, Tried]) -> dict[str, Best]:
-    """Of each knob of the chain the value that buys most by itself, if it buys enough.
-
-    Pairs are counted, since no noise is in them; of the precision, which changes their number by
-    nothing, the measured effort tells.
+    Pairs are counted, since no noise is in them; for the precision, which hardly changes their
+    number, the measured effort counts.
     """
-    swept = list(sweeps(plan, problem))
-    nominal_line = [found[s] for knob, s in swept if knob in ("nominal", "resolution")]
+    swept = list(sweeps(plan, case))
+    own = [found[s] for knob, s in swept if knob in ("nominal", "resolution")]
     values = {}
     for knob in CHAIN:
-        tried: dict[Any, list[Tried]] = {}
+        tried: dict[Any, list[Point]] = {}
         for name, s in swept:
             if name == knob and s.step <= LONGEST:
                 tried.setdefault(getattr(s, knob), []).append(found[s])
         cost = "effort" if knob == "dtype" else "interactions"
-        bought = [
-            Best(value, _gain(nominal_line, runs, cost))
-            for value, runs in tried.items()
-            if not mush(runs)
+        gains = [
+            (value, _gain(own, runs, cost)) for value, runs in tried.items() if not too_soft(runs)
         ]
-        best = max(bought, key=lambda best: best.gain, default=None)
-        if best is not None and best.gain >= WORTHWHILE:
+        best = max(gains, key=lambda best: best[1], default=(None, 0.0))
+        if best[1] >= WORTHWHILE:
             values[knob] = best
     return values
 
 
-def _gain(nominal_line: Sequence[Tried], runs: Sequence[Tried], cost: str) -> float:
-    bought = gain(nominal_line, runs, cost)
-    return bought if math.isfinite(bought) else 0.0
-
-
-def ladder(plan: Plan, problem: Problem, line: Setting) -> list[Setting]:
-    """A line at all resolutions."""
-    return [line._replace(across=across) for across in sizes(plan, problem)]
-
-
-# --- Finding one's way in the points --------------------------------------------------------
-
-
-Run = TypeVar("Run", bound=Turned)
-
-
-def rungs(points: Sequence[Run]) -> list[Run]:
-    """The nominal settings at all resolutions, the nominal one first."""
-    return [found for found in points if found.knob in ("nominal", "resolution")]
-
-
-def knobs(points: Sequence[Turned]) -> list[str]:
-    """Those that were turned alone, in the order of the points."""
-    alone = dict.fromkeys(found.knob for found in points)
-    return [knob for knob in alone if knob not in ("nominal", COMBINED)]
+def _gain(own: Sequence[Point], runs: Sequence[Point], cost: str) -> float:
+    gain = gain_of_series(own, runs, cost).gain
+    return gain if math.isfinite(gain) else 0.0

@@ -1,68 +1,65 @@
-"""A point of a diagram: one run, its error, its work and its times, each kept on disk.
+"""Points of a diagram: one run each, its error, its work and its times, kept on disk.
 
-Error and work are the same whenever a point is run again, to the last bit, and lie in one file
-with all that they depend on; times lie in another, so that they can be taken anew.
+Error and work are the same whenever a point is run again, to the last bit; times, a list [wall,
+own, rate] of each run, can be taken anew.
 """
 
 import json
 import math
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.studies import store
-from sph_gym.studies.accuracy import policies, shelf
-from sph_gym.studies.accuracy.benchmark import rate
-from sph_gym.studies.accuracy.problems import Problem
-from sph_gym.studies.accuracy.running import Outcome, execute
-from sph_gym.studies.accuracy.settings import Setting, build
+from sph_gym.controllers.network import shipped_network
+from sph_gym.provenance import content_hash
+from sph_gym.recommend.runs import RunOutcome, Schedule, execute, rate
+from sph_gym.recommend.series import MeasuredRun
+from sph_gym.recommend.settings import Setting, build, is_agent
+from sph_gym.scenes.shared.refinement import Refinement
+from sph_gym.studies import machine
+from sph_gym.studies.accuracy import agents
+from sph_gym.studies.results import COMMON, Results
 
-# What is short is run more often, up to so much time [s] and so many runs.
+# Runs that are short are repeated, up to so much time [s] and so many runs.
 PATIENCE, MOST = 0.1, 5
-# So is what differs: up to so much of the median, the three runs around it.
+# So are runs whose times differ by more than this share of the median, the three runs around it.
 AGREED, FEWEST = 0.15, 3
-# An error above this is none that a diagram could show: 1000 %.
-ABSURD = 10.0
-# Of an agent that doesn't get to the end of its own episode.
-LOST = Outcome(
+# Entries of an outcome that differ from run to run.
+CLOCKS = ("wall", "own")
+# Outcome of an agent that doesn't get to the end of its own episode.
+LOST = RunOutcome(
     math.nan, "its agent blew up", [], 1.0, 0, 0, 0.0, math.nan, math.nan, math.nan, math.nan
 )  # fmt: skip
 
 
-class Point(NamedTuple):
-    """What is known of a run.
+@dataclass(frozen=True, kw_only=True)
+class Point(MeasuredRun):
+    """One run as the study has it.
 
-    knob: which one was turned; error: share of what the problem says, nan after a blow-up; cause:
-    of the blow-up; seconds: of physical time; particles: fluid and wall; substeps, interactions:
-    steps and pairs (i, j) of their force evaluations; compression, mach: as of an `Outcome`;
-    wall, own: median seconds of the whole run
-    on the wall and of the thread's processor time; rate: of the benchmark right before and after
-    [particle-steps/s]; effort: median of own times rate, the particle-steps of the benchmark that
-    take as long; runs: of which these are medians, spread: the range of the three efforts around
-    the median / the median; differing: runs whose error differed, which should be none; speed: of
-    the benchmark on the machine on which times are told.
+    knob: which setting was changed; cause: of the blow-up; seconds: of physical time; particles:
+    fluid and wall; substeps, interactions: steps and pairs (i, j) of their force evaluations; wall,
+    own: median seconds of the whole run by the clock and of processor time; rate: of the benchmark
+    right before and after [particle-steps/s]; effort: median of own times rate; runs: of which
+    these are medians; spread: the range of the three efforts around the median / the median;
+    differing: runs whose error differed, which should be none; speed: of the benchmark on the
+    machine for which times are given.
     """
 
-    scene: str
     knob: str
-    setting: Setting
     dx: float
-    error: float
     cause: str
     seconds: float
     particles: int
     substeps: int
     interactions: float
-    compression: float
-    mach: float
     wall: float
     own: float
     rate: float
-    effort: float
     runs: int
     spread: float
     differing: int
@@ -76,69 +73,104 @@ class Point(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """The same per simulated second."""
+        """Processor seconds per simulated second."""
         return self.time / self.seconds
 
-    @property
-    def particle_steps(self) -> float:
-        """Per simulated second."""
-        return self.particles * self.substeps / self.seconds
 
-    @property
-    def good(self) -> bool:
-        """Whether it came to an end with an error worth the name."""
-        return 0 < self.error < ABSURD
+class Sampling(NamedTuple):
+    """Folder of kept points, least number of runs of each, whether times are taken anew."""
+
+    folder: Path
+    repeats: int = 3
+    again: bool = False
+
+    def results(self, kind: str, setting: Setting) -> Results:
+        """Return the store of "points" or of "schedules"."""
+        common = COMMON if is_agent(setting.controller) else tuple(p for p in COMMON if p != "env")
+        sources = ("recommend/settings.py", "recommend/runs.py")
+        return Results(self.folder / kind, *sources, common=common)
 
 
-# --- On disk --------------------------------------------------------------------------------
+def key_of(case: Refinement, setting: Setting, other: int) -> dict[str, Any]:
+    """Return all that the error of a point depends on, sources apart."""
+    network = shipped_network(setting.controller, case.scene)
+    return {
+        "scene": case.scene,
+        "arguments": case.given(other),
+        "length": case.length,
+        "measure": case.measure,
+        "joined": case.joined,
+        "setting": setting._asdict(),
+        "network": content_hash(network) if network.is_file() else "",
+        "numpy": np.__version__,
+    }
 
 
-def point(
-    problem: Problem,
-    knob: str,
-    setting: Setting,
-    folder: Path,
-    repeats: int = 3,
-    again: bool = False,
-    other: int = 0,
+def _versions() -> dict[str, str]:
+    try:
+        return {**machine.describe(), "sph_gym": metadata.version("sph_gym")}
+    except metadata.PackageNotFoundError:
+        return machine.describe()
+
+
+def works(make: Callable[[Any], Any]) -> Callable[[Any], bool]:
+    """Return a check of stored results: whether `make` can make something of one."""
+
+    def check(stored: Any) -> bool:
+        try:
+            make(stored)
+        except (KeyError, TypeError, ValueError, ArithmeticError):
+            return False
+        return True
+
+    return check
+
+
+def measure_point(
+    case: Refinement, knob: str, setting: Setting, sampling: Sampling, other: int = 0
 ) -> Point:
-    """A point from `folder`, or from as many runs as it takes; again: take its times anew.
+    """Return a point from its folder, or from as many runs as it takes.
 
     An interruption loses at most the run in hand.
     """
-    facts = shelf.manifest(problem, setting, other)
-    key = shelf.key_of(facts)
-    played = _schedule(problem, setting, other, folder, key)
-    _, found = shelf.record(folder, key)
-    path, timed = shelf.times(folder, key)
-    taken: dict[str, Any] = {"wall": [], "own": [], "rate": [], "differing": 0}
-    if found is not None and timed is not None and not again:
-        # in place, since further runs are entered there
-        taken.update(timed)
-    _run = partial(_run_once, problem, setting, other, played, folder, taken, facts)
+    points, key = sampling.results("points", setting), key_of(case, setting, other)
+    schedule = _schedule(case, setting, other, sampling)
+    dx = case.metres(other) / setting.across
+    facts = {"scene": case.scene, "knob": knob, "setting": setting, "dx": dx}
+    facts["key"] = points.path(key).stem
+    kept = points.load(key, works(lambda kept: make_point(facts, kept)))
+    if kept is not None and sampling.again:
+        kept |= {"times": [], "differing": 0}
     before = None
-    if found is None:
-        found, before = _run(before)
-    while not _enough(found, taken, repeats):
-        _, before = _run(before)
-        store.write(path, taken)
-    if taken != timed:
-        store.write(path, taken)
-    return _point(problem, knob, setting, found, taken, key, other)
+    while kept is None or not _is_enough(kept, sampling.repeats):
+        if schedule == []:
+            outcome, before = LOST, math.nan
+            times = [math.nan] * 3
+        else:
+            start = rate() if before is None else before
+            outcome, before = execute(case, setting, other, schedule), rate()
+            times = [outcome.wall, outcome.own, (start + before) / 2]
+        if kept is None:
+            work = {n: value for n, value in outcome._asdict().items() if n not in CLOCKS}
+            kept = {"outcome": work, "times": [], "differing": 0, "versions": _versions()}
+        kept["differing"] += not is_same(kept["outcome"]["error"], outcome.error)
+        kept["times"].append(times)
+        points.save(key, kept)
+    return make_point(facts, kept)
 
 
-def _enough(found: dict[str, Any], taken: dict[str, Any], repeats: int) -> bool:
-    """Whether a median can be taken; a blow-up needs no time."""
-    n = len(taken["wall"])
-    if found["outcome"]["cause"] or n >= MOST:
+def _is_enough(kept: dict[str, Any], repeats: int) -> bool:
+    """Return whether a median can be taken; a blow-up needs no time."""
+    times = np.array(kept["times"], float).reshape(-1, 3)
+    if kept["outcome"]["cause"] or len(times) >= MOST:
         return True
-    if n < repeats or sum(taken["own"]) < PATIENCE:
+    if len(times) < repeats or times[:, 1].sum() < PATIENCE:
         return False
-    return n < FEWEST or _spread(np.multiply(taken["own"], taken["rate"])) <= AGREED
+    return len(times) < FEWEST or _spread(times[:, 1] * times[:, 2]) <= AGREED
 
 
 def _spread(efforts: NDArray[np.float64]) -> float:
-    """The range of the three around the median, or of what there is, as a share of the median."""
+    """Return the range of the three around the median, or of all, as a share of the median."""
     if not len(efforts):
         return 0.0
     median = float(np.median(efforts))
@@ -146,90 +178,43 @@ def _spread(efforts: NDArray[np.float64]) -> float:
     return float(np.ptp(near)) / median
 
 
-def _run_once(
-    problem: Problem,
-    setting: Setting,
-    other: int,
-    played: policies.Schedule | None,
-    folder: Path,
-    taken: dict[str, Any],
-    facts: dict[str, Any],
-    before: float | None,
-) -> tuple[dict[str, Any], float]:
-    """Run, and enter the time; the first run writes the record, later ones must agree with it.
-
-    before: the speed of the machine right before it, measured if it isn't known from the end of
-    another run. Returns the record and the speed right after.
-    """
-    if played is not None and not played:
-        outcome, rates = LOST._asdict(), [math.nan]
-    else:
-        before = rate() if before is None else before
-        outcome = execute(problem, setting, other, played)._asdict()
-        rates = [before, rate()]
-    times = {name: outcome.pop(name) for name in shelf.CLOCKS}
-    key = shelf.key_of(facts)
-    path, kept = shelf.record(folder, key)
-    if kept is None:
-        kept = {"hash": key, **facts, "outcome": outcome}
-        store.write(path, kept)
-    taken["differing"] += not same(kept["outcome"]["error"], outcome["error"])
-    for name, value in times.items():
-        taken[name].append(value)
-    taken["rate"].append(float(np.mean(rates)))
-    return dict(kept), rates[-1]
-
-
-def same(one: float, other: float) -> bool:
-    """Whether two errors are the same to the last bit, or both of a blow-up."""
+def is_same(one: float, other: float) -> bool:
+    """Return whether two errors are the same to the last bit, or both of a blow-up."""
     return json.dumps(one) == json.dumps(other)
 
 
 def _schedule(
-    problem: Problem, setting: Setting, other: int, folder: Path, key: str
-) -> policies.Schedule | None:
-    """What an agent does, from the folder or from itself; None for rules and fixed settings.
-
-    Nothing if it blew up.
-    """
-    if not policies.needs_schedule(setting.controller):
+    case: Refinement, setting: Setting, other: int, sampling: Sampling
+) -> Schedule | None:
+    """Return the controls of an agent, none if it blew up; None for rules and fixed settings."""
+    if not is_agent(setting.controller):
         return None
-    path, kept = shelf.schedule(folder, key)
-    if kept is None:
-        scene = replace(nominal_scene(problem, setting, other), controls=None)
+
+    def play() -> dict[str, Any]:
+        # it begins with the scene's own controls
+        plain = build(case, setting._replace(step=1.0, sound=1.0), other)
         try:
-            kept = {"controls": policies.schedule(setting.controller, scene)}
+            return {"controls": agents.play(setting.controller, replace(plain, controls=None))}
         except RuntimeError as error:
-            kept = {"controls": [], "cause": str(error)}
-        store.write(path, kept)
-    controls: policies.Schedule = kept["controls"]
+            return {"controls": [], "cause": str(error)}
+
+    is_valid = works(lambda kept: np.reshape(np.array(kept["controls"], float), (-1, 3)))
+    schedules, key = sampling.results("schedules", setting), key_of(case, setting, other)
+    controls: Schedule = schedules.get(key, play, is_valid)["controls"]
     return controls
 
 
-def nominal_scene(problem: Problem, setting: Setting, other: int) -> Any:
-    """The scene that an agent plays: with the article's own controls to begin with."""
-    return build(problem, setting._replace(step=1.0, sound=1.0), other)
-
-
-def _point(
-    problem: Problem,
-    knob: str,
-    setting: Setting,
-    found: dict[str, Any],
-    taken: dict[str, Any],
-    key: str,
-    other: int,
-) -> Point:
-    outcome = found["outcome"]
-    efforts = np.multiply(taken["own"], taken["rate"])
-    wall, own, rate_then, effort = (
-        float(np.median(values)) if len(values) else math.nan
-        for values in (taken["wall"], taken["own"], taken["rate"], efforts)
-    )
-    spread = _spread(efforts)
+def make_point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
+    """Return a point from what it is of and what is kept of it."""
+    wall, own, speed = np.array(kept["times"], float).reshape(-1, 3).T
+    columns = {"wall": wall, "own": own, "rate": speed, "effort": own * speed}
+    medians: dict[str, Any] = {
+        name: float(np.median(values)) if len(values) else math.nan
+        for name, values in columns.items()
+    }
+    names = {field.name for field in fields(Point)}
+    work = {name: value for name, value in kept["outcome"].items() if name in names}
     return Point(
-        problem.scene, knob, setting, problem.metres(other) / setting.across, outcome["error"],
-        outcome["cause"], outcome["seconds"], outcome["particles"], outcome["substeps"],
-        outcome["interactions"], outcome["compression"], outcome["mach"], wall, own, rate_then,
-        effort, len(taken["wall"]), spread, taken["differing"], key, rate_then,
+        **facts, **work, **medians, runs=len(own), spread=_spread(own * speed),
+        differing=kept["differing"], speed=medians["rate"],
     )  # fmt: skip

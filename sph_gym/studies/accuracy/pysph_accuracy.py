@@ -1,4 +1,4 @@
-"""Elliptical drop and dam break of PySPH, as its examples set them: where they end, and how soon.
+"""Elliptical drop and dam break of PySPH, as its examples set them: results and times.
 
 `python pysph_accuracy.py SCENE --across N`, with a Python that has PySPH. Prints one line
 `RES {json}`: seconds from the first step on, by the clock on the wall and of its own, and of the
@@ -16,7 +16,7 @@ GRAVITY, LAST, TANK = 9.81, 3.3, 5.0
 
 
 def main() -> None:
-    """Run a scene and print what came of it."""
+    """Run a scene and print its result."""
     parser = argparse.ArgumentParser()
     parser.add_argument("scene", choices=("elliptical_drop", "dam_break"))
     parser.add_argument("--across", type=int, required=True, help="particles along its length")
@@ -26,13 +26,13 @@ def main() -> None:
 
 
 def arguments(*more: str) -> list[str]:
-    """Of PySPH's command line: one thread, no files."""
+    """Return PySPH's command line: one thread, no files."""
     folder = os.path.join(os.environ.get("PEERS", "."), "pysph_output")
     return [*more, "--disable-output", "-q", "-d", folder, "--logfile", "", "--no-openmp"]
 
 
 def timed(application: type) -> type:
-    """The application with a clock that begins with its first step, and what it sees after each."""
+    """Return the application with a clock that begins with its first step."""
 
     class Timed(application):
         began = own = 0.0
@@ -61,7 +61,7 @@ def timed(application: type) -> type:
 
 
 def elliptical_drop(across: int) -> dict:
-    """The farthest particle from the middle at the start, and along y in the end."""
+    """Return the farthest particle from the middle at the start, and along y in the end."""
     from pysph.examples.elliptical_drop import EllipticalDrop
 
     class Drop(timed(EllipticalDrop)):  # type: ignore[misc]
@@ -84,7 +84,7 @@ def elliptical_drop(across: int) -> dict:
 
 
 def dam_break(across: int) -> dict:
-    """The foremost particle over time, of a column one wide and two high, in a long tank."""
+    """Return the foremost particle over time, of a column one wide and two high, in a long tank."""
     import pysph.examples.dam_break_2d as example
 
     dx = 1.0 / across

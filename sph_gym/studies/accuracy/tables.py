@@ -1,106 +1,105 @@
-"""What the study leaves behind: points, gains and cheapest settings as CSV and Parquet."""
+"""Tables of the study: points, gains, cheapest settings and promises as CSV and Parquet."""
 
+import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from sph_gym.extras import needs_extra
+from sph_gym.provenance import source_hash
+from sph_gym.recommend import published, series
+from sph_gym.recommend.settings import TITLES, Setting, nominal, write_changes
+from sph_gym.recommend.tables import write as write_rows
+from sph_gym.scenes.shared.refinement import refinement
 from sph_gym.studies import machine
-from sph_gym.studies.accuracy import figures, fronts, known, lines, luck, promises, summary
-from sph_gym.studies.accuracy import gains as buying
-from sph_gym.studies.accuracy.plan import NUMBERS, knobs, rungs
+from sph_gym.studies.accuracy import analysis
+from sph_gym.studies.accuracy.analysis import TARGETS, TIME, ValueGain
 from sph_gym.studies.accuracy.points import Point
-from sph_gym.studies.accuracy.problems import Problem
-from sph_gym.studies.accuracy.promises import Trial, samples
-from sph_gym.studies.accuracy.samples import Sample, write
-from sph_gym.studies.accuracy.shelf import sources
+from sph_gym.studies.accuracy.promises import Trial, records
 
-TIME = "cost"
+# Entries of a point in their order, the setting apart.
+COLUMNS = (
+    "scene", "knob", "dx", "error", "cause", "seconds", "particles", "substeps", "interactions",
+    "compression", "mach", "wall", "own", "rate", "effort", "runs", "spread", "differing", "key",
+    "speed",
+)  # fmt: skip
 
 
-def write_scene(scene: Problem, points: Sequence[Point], folder: Path) -> None:
-    """Tables and picture of one scene, and the table from which its settings are recommended."""
-    best = {found.key for found in luck.front(points, TIME)}
+def write_scene(points: Sequence[Point], folder: Path) -> None:
+    """Write the tables of one scene, and the one from which its settings are recommended."""
+    scene, best = points[0].scene, {found.key for found in analysis.front(points, TIME)}
     listed = [{**record(found), "on_front": found.key in best} for found in points]
-    _both(listed, folder / f"{scene.scene}_points")
-    _both(gains(points), folder / f"{scene.scene}_gains")
-    comment = f"sources {sources()}; {machine.describe()['processor']}; {points[0].speed:.4g}/s"
-    write(_on_lines(points), folder / f"{scene.scene}_lines.csv", comment)
-    print(f"plot: {figures.draw(scene, points, folder / f'{scene.scene}.png')}")
+    _write(listed, folder / f"{scene}_points")
+    _write(gain_rows(points), folder / f"{scene}_gains")
+    kept = series.fit(points, series.noise_floor(analysis.nominal_series(points)))
+    offered = [p for p in points if p.setting.series in kept and kept[p.setting.series].safe]
+    sources = source_hash("solver", "scenes", "controllers", "recommend/runs.py")
+    comment = f"sources {sources}; {machine.describe()['processor']}; {points[0].speed:.4g}/s"
+    write_rows(offered, folder / f"{scene}_lines.csv", comment)
 
 
 def write_all(points: Sequence[Point], trials: Sequence[Trial], folder: Path) -> None:
-    """Tables and picture of all scenes; trials: of recommendations."""
-    _both([record(found) for found in points], folder / "points")
-    _both(promises.records(trials), folder / "promises")
-    _both(cheapest(points), folder / "cheapest")
-    by_scene: dict[str, list[Point]] = {}
-    for found in points:
-        by_scene.setdefault(found.scene, []).append(found)
-    known.write(by_scene, folder / "found")
-    (folder / "found" / "cheapest.md").write_text(known.page(folder / "found", list(by_scene)))
-    print(f"plot: {summary.draw(by_scene, folder / 'summary.png')}")
+    """Write the tables of all scenes; trials: of recommendations."""
+    by_scene = [list(own) for _, own in groupby(points, lambda point: point.scene)]
+    settings = [row for own in by_scene for row in cheapest_rows(own)]
+    _write([record(found) for found in points], folder / "points")
+    _write(records(trials), folder / "promises")
+    _write(settings, folder / "cheapest")
+    short = [_published_setting(row) for row in settings]
+    gains = [row for own in by_scene for row in _published_gains(own)]
+    (folder / "found").mkdir(exist_ok=True)
+    for name, columns, rows in (
+        ("cheapest", published.CHEAPEST, short),
+        ("gains", published.GAINS, gains),
+    ):
+        with (folder / "found" / f"{name}.csv").open("w", newline="") as file:
+            writer = csv.DictWriter(file, columns)
+            writer.writeheader()
+            writer.writerows(rows)
+    (folder / "found" / "cheapest.md").write_text(_page(short))
 
 
-def _on_lines(points: Sequence[Point]) -> list[Sample]:
-    """Only what a recommendation can be made of."""
-    every = samples(points)
-    offered = {line.setting for line in lines.fit(every)}
-    return [sample for sample in every if sample.setting.line in offered]
-
-
-def _both(listed: list[dict[str, Any]], stem: Path) -> None:
-    try:
+def _write(rows: list[dict[str, Any]], stem: Path) -> None:
+    with needs_extra("studies"):
         import pandas as pd
-    except ImportError:
-        raise ImportError('tables need more: pip install "sph_gym[studies]"') from None
-    frame = pd.DataFrame(listed)
+    frame = pd.DataFrame(rows)
     stem.parent.mkdir(parents=True, exist_ok=True)
     frame.to_csv(stem.with_suffix(".csv"), index=False)
     frame.to_parquet(stem.with_suffix(".parquet"), index=False)
 
 
 def record(point: Point) -> dict[str, Any]:
-    """A point as a row of a table."""
-    fields = point._asdict()
-    setting = fields.pop("setting")
+    """Return a point as a row of a table."""
     computed = {
         "processor_time": point.time,
         "processor_time_per_simulated_second": point.cost,
         "wall_per_simulated_second": point.wall / point.seconds,
-        "particle_steps_per_simulated_second": point.particle_steps,
+        "particle_steps_per_simulated_second": point.particles * point.substeps / point.seconds,
         "interactions_per_simulated_second": point.interactions / point.seconds,
     }
-    return {**fields, **setting._asdict(), **computed}
+    return {name: getattr(point, name) for name in COLUMNS} | point.setting._asdict() | computed
 
 
-def gains(points: Sequence[Point]) -> list[dict[str, Any]]:
-    """What every value of every knob does to error, time and work, and what it buys."""
+def gain_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Return error, time, work and gain of every value of every knob as rows of a table."""
     rows = []
-    for knob in knobs(points):
-        slopes = [
-            buying.elasticity(points, knob, cost) if knob in NUMBERS else float("nan")
-            for cost in (TIME, "interactions")
-        ]
-        for found in (
-            _resolved(points) if knob == "resolution" else buying.values(points, knob, TIME)
-        ):
-            rows.append(
-                {
-                    "scene": points[0].scene,
-                    **found._asdict(),
-                    "elasticity_over_time": slopes[0],
-                    "elasticity_over_pairs": slopes[1],
-                }
-            )
+    for knob in analysis.knobs(points):
+        slopes = {
+            "elasticity_over_time": analysis.knob_elasticity(points, knob, TIME),
+            "elasticity_over_pairs": analysis.knob_elasticity(points, knob, "interactions"),
+        }
+        found = _sizes(points) if knob == "resolution" else analysis.value_gains(points, knob, TIME)
+        rows += [{"scene": points[0].scene, **value._asdict(), **slopes} for value in found]
     return rows
 
 
-def _resolved(points: Sequence[Point]) -> list[buying.Value]:
-    """The nominal settings at other resolutions, against the nominal one."""
-    start, *others = rungs(points)
+def _sizes(points: Sequence[Point]) -> list[ValueGain]:
+    """Return the nominal settings at other resolutions, against the nominal one."""
+    start, *others = analysis.nominal_series(points)
     return [
-        buying.Value(
+        ValueGain(
             "resolution", str(found.setting.across), found.error / start.error,
             found.cost / start.cost, found.interactions / start.interactions, math.nan, 1,
             found.cause,
@@ -109,20 +108,62 @@ def _resolved(points: Sequence[Point]) -> list[buying.Value]:
     ]  # fmt: skip
 
 
-def cheapest(points: Sequence[Point]) -> list[dict[str, Any]]:
-    """Of every scene, the measured setting that takes least time for some errors.
+def cheapest_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Return the measured setting of a scene that takes least time, for some errors.
 
     error is that of the run, error_without_luck the one that counts.
     """
+    by_key, counted = {found.key: found for found in points}, analysis.count(points)
     rows = []
-    for scene in dict.fromkeys(found.scene for found in points):
-        own = {found.key: found for found in points if found.scene == scene}
-        counted = luck.sober(list(own.values()))
-        for target in fronts.TARGETS:
-            row: dict[str, Any] = {"target": target, "reached": False, "scene": scene}
-            found = fronts.cheapest(counted, target, TIME)
-            if found is not None:
-                row |= {"reached": True, "error_without_luck": found.error}
-                row |= record(own[found.key])
-            rows.append(row)
+    for target in TARGETS:
+        row: dict[str, Any] = {"target": target, "reached": False, "scene": points[0].scene}
+        found = analysis.cheapest(counted, target)
+        if found is not None:
+            row |= {"reached": True, "error_without_luck": found.error}
+            row |= record(by_key[found.key])
+        rows.append(row)
     return rows
+
+
+def _published_setting(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row of `cheapest_rows` in few words; without a setting if it is one of chance."""
+    case = refinement(row["scene"])
+    short = {"scene": case.scene, "target": row["target"]}
+    if row["reached"] and not case.erratic:
+        setting = Setting(**{name: row[name] for name in Setting._fields})
+        changes = setting.differences(nominal(case, setting.across))
+        short |= {
+            "error": f"{row['error_without_luck']:.3g}",
+            "seconds": f"{row['processor_time']:.2g}",
+            "across": setting.across,
+            "changes": ", ".join(write_changes(changes)),
+        }
+    return short
+
+
+def _published_gains(points: Sequence[Point]) -> Iterator[dict[str, Any]]:
+    """Yield a row for each knob that has an elasticity or a value that went well."""
+    for knob in ("resolution", *TITLES):
+        row: dict[str, Any] = {"scene": points[0].scene, "knob": knob}
+        slope = analysis.knob_elasticity(points, knob, TIME)
+        if math.isfinite(slope):
+            row["elasticity"] = f"{slope:.2g}"
+        best = None if knob == "resolution" else analysis.best_value(points, knob, TIME)
+        if best is not None:
+            row |= {"value": best.value, "gain": f"{best.gain:.2g}", "bound": best.bound}
+        if len(row) > 2:
+            yield row
+
+
+def _page(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the cheapest settings of scenes as a table in Markdown."""
+    targets = [f"{100 * target:g} %" for target in TARGETS]
+    lines = [f"| scene | {' | '.join(targets)} |", "|---" * (len(targets) + 1) + "|"]
+    missing = []
+    for scene, own in groupby(rows, lambda row: str(row["scene"]).replace("_", " ")):
+        cells = [f"{row['seconds']} s, {row['across']}" if "error" in row else "-" for row in own]
+        if set(cells) == {"-"}:
+            missing.append(scene)
+        else:
+            lines.append(f"| {scene} | {' | '.join(cells)} |")
+    return "\n".join([*lines, *([f"\nNone of them: {', '.join(missing)}."] if missing else [])])

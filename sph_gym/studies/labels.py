@@ -1,4 +1,4 @@
-"""Why scenes are labelled as they are: what a study prints and writes after its table."""
+"""The labels of scenes, and why they have them: printed and written after a study's table."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ GAIN, NONE = "headroom over the best static", "no headroom: both within toleranc
 
 
 def explain(rows: Sequence[Row], path: Path) -> None:
-    """Print why those scenes of the rows are no benchmarks that aren't.
+    """Print for each scene of the rows that is no benchmark why it is none.
 
     Where rows tell of headroom, also write the table of `sph_gym.env.labels` next to `path`.
     """
@@ -28,11 +28,11 @@ def explain(rows: Sequence[Row], path: Path) -> None:
 
 
 def headrooms(rows: Sequence[Row]) -> list[tuple[str, float | None, str]]:
-    """Scene, headroom or None, and label of each scene whose headroom the rows tell."""
+    """Return scene, headroom or None, and label of each scene whose headroom the rows tell."""
     found: dict[str, tuple[float | None, str]] = {}
     for row in rows:
         scene, _, label = row.case.partition(", ")
         if scene in SCENES and row.quantity in (GAIN, NONE):
             known = row.quantity == GAIN and math.isfinite(row.value)
             found[scene] = (row.value if known else None, label)
-    return [(scene, *told) for scene, told in found.items()]
+    return [(scene, *found[scene]) for scene in found]

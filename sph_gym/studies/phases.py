@@ -1,4 +1,4 @@
-"""The phases of a step, each again and again within one compiled call: which takes how long?
+"""The phases of a step, each repeated within one compiled call, so that it can be timed.
 
 A call from Python takes as long as a phase of a small fluid, so the repetition is compiled too.
 Every phase leaves what the next one needs, as it does within a step.
@@ -12,7 +12,7 @@ from sph_gym.solver.neighbors import read_grid, sort_into_cells
 
 @jit
 def sort(world, model, standstill, repeats):
-    """Particles into the order of their cells."""
+    """Sort particles into the order of their cells."""
     for _ in range(repeats):
         grid = read_grid(world.sorting.frame)
         sort_into_cells(
@@ -22,7 +22,7 @@ def sort(world, model, standstill, repeats):
 
 @jit
 def wall_density(world, model, standstill, repeats):
-    """Density and pressure of wall particles."""
+    """Compute density and pressure of wall particles."""
     for _ in range(repeats):
         grid = read_grid(world.sorting.frame)
         compute_wall_density(
@@ -33,7 +33,7 @@ def wall_density(world, model, standstill, repeats):
 
 @jit
 def fluid_density(world, model, standstill, repeats):
-    """Neighbour lists, density and pressure of the fluid."""
+    """Compute neighbour lists, density and pressure of the fluid."""
     for _ in range(repeats):
         grid = read_grid(world.sorting.frame)
         compute_fluid_density(
@@ -45,7 +45,7 @@ def fluid_density(world, model, standstill, repeats):
 
 @jit
 def force(world, model, standstill, repeats):
-    """Forces and integration by a time step `standstill`, 0 in the precision of the particles."""
+    """Integrate by a time step `standstill`, which is 0 in the precision of the particles."""
     for _ in range(repeats):
         move(
             model.integrator, 0, 0, world.fluid.id.size, world.fluid, world.spare, world.walls,

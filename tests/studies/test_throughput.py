@@ -10,7 +10,7 @@ from sph_gym.studies.picture import curves
 from sph_gym.studies.table import Row
 from sph_gym.studies.timing import Runner, in_turns, pinned, same_home
 
-PLAN = throughput.Plan(
+PLAN = throughput.ThroughputPlan(
     sizes=(200, 300), rounds=1, peer_rounds=1, batch=3, batch_size=100, reference=300, work=3000
 )
 
@@ -37,9 +37,9 @@ def test_throughput_by_threads():
     assert all(np.isfinite(row.value) and row.value > 0 for row in rows)
     [neighbors] = [row for row in rows if row.quantity == "mean neighbours"]
     assert 12 < neighbors.value < 24
-    [label, dtype, _, points] = next(iter(curves(rows)))
-    assert (label, dtype) == ("float64, 1 thread", "float64")
-    assert points == [(300, rows[0].value)]
+    curve = next(iter(curves(rows)))
+    assert (curve.label, curve.dtype) == ("float64, 1 thread", "float64")
+    assert curve.points == [(300, rows[0].value)]
 
 
 def test_sizes_and_phases():
@@ -58,7 +58,7 @@ def test_many_small_fluids():
 
 def test_every_part_has_a_title():
     peers = Peers(None)
-    titles = [title for title, _ in throughput.tasks(throughput.FULL, peers)]
+    titles = [title for title, _ in throughput.parts(throughput.FULL, peers)]
     assert len(set(titles)) == len(titles)
     assert "100000, float32, 1 thread" in titles
 

@@ -48,15 +48,15 @@ EVERY = "every absent part"
 
 
 class Build(NamedTuple):
-    """A scene with a spacing [m], an effect that is left out of it, and one replaced by identity.
+    """A scene with a spacing [m], an effect that is left out of it, and parts that are replaced.
 
-    left_out: of `variants.EFFECTS`; identity: of TERMS, or EVERY; both may be empty.
+    left_out: of `variants.EFFECTS`; identity: of TERMS, and EVERY; both may be empty.
     """
 
     scene: str
     dx: float
     left_out: str = ""
-    identity: str = ""
+    identity: tuple[str, ...] = ()
 
 
 @cache
@@ -87,10 +87,8 @@ def count(build: Build) -> Count | None:
 
 def compile_and_count(build: Build) -> Count:
     """Compile a step of the build in this process, whose solver it changes for good."""
-    if build.identity == EVERY:
-        replace_absent()
-    elif build.identity:
-        replace_terms(build.identity)
+    for part in build.identity:
+        replace_absent() if part == EVERY else replace_terms(part)
     scene = scenes.make(build.scene, dx=build.dx)
     if build.left_out:
         scene = variants.left_out(scene, build.left_out)

@@ -55,8 +55,9 @@ def parts(plan: CostPlan) -> list[Part]:
     for scene, dx in plan.spacings.items():
         for effect in variants.EFFECTS:
             found.append((f"{scene}, {effect}", partial(present, plan, scene, effect)))
-        for effect in dict.fromkeys((*variants.EFFECTS, *TERMS, EVERY)):
-            found.append((f"{scene} without {effect}", partial(absent, scene, dx, effect)))
+        for build, effects in comparisons(scene, dx):
+            title = f"{scene} without {build.left_out or 'all others'}"
+            found.append((title, partial(absent, build, effects)))
     return found
 
 
@@ -86,15 +87,28 @@ def present(plan: CostPlan, scene: str, effect: str) -> Iterator[Row]:
     yield Row("memory when present", case, memory, "bytes/fluid particle")
 
 
-def absent(scene: str, dx: float, effect: str) -> Iterator[Row]:
-    """Yield what a step without the effect has more than one with its terms replaced."""
-    named = effect in variants.EFFECTS and variants.names(scenes.make(scene, dx=dx), effect)
+def comparisons(scene: str, dx: float) -> list[tuple[Build, tuple[str, ...]]]:
+    """Return builds, and what is absent there: each effect of the scene, and all others at once."""
+    whole = scenes.make(scene, dx=dx)
+    named = [effect for effect in variants.EFFECTS if variants.names(whole, effect)]
+    others = [part for part in (*TERMS, EVERY) if part not in named]
+    found = [(Build(scene, dx, effect), (effect,)) for effect in named]
+    return [*found, (Build(scene, dx), tuple(others))]
+
+
+def absent(build: Build, effects: tuple[str, ...]) -> Iterator[Row]:
+    """Yield what a step has more than one in which the terms of absent effects are replaced."""
     # walls have no terms of their own: others are given None where they would be
-    identity = effect if effect in TERMS else EVERY
-    normal = Build(scene, dx, effect if named else "")
+    terms = tuple(effect if effect in TERMS else EVERY for effect in effects)
     with ThreadPoolExecutor(min(2, most_threads())) as pool:
-        counts = list(pool.map(absence.count, (normal, normal._replace(identity=identity))))
-    yield from compared(f"{effect}, {scene}", *counts)
+        counts = list(pool.map(absence.count, (build, build._replace(identity=terms))))
+    if len(effects) > 1 and counts[0] != counts[1]:
+        # one by one, to see where it is
+        for effect in effects:
+            yield from absent(build, (effect,))
+        return
+    for effect in effects:
+        yield from compared(f"{effect}, {build.scene}", *counts)
 
 
 def compared(case: str, normal: Count | None, identity: Count | None) -> Iterator[Row]:

@@ -134,16 +134,36 @@ def test_presence_is_timed():
     assert list(effects.present(plan, "relaxation", "walls")) == []
 
 
+def named(scene, dx):
+    made = scenes.make(scene, dx=dx)
+    return [effect for effect in variants.EFFECTS if variants.names(made, effect)]
+
+
+def test_all_effects_are_compared_in_every_scene():
+    for scene, dx in effects.SPACINGS.items():
+        found = [name for _, names in effects.comparisons(scene, dx) for name in names]
+        assert sorted(found) == sorted({*TERMS, EVERY, *named(scene, dx)})
+
+
+def test_a_difference_is_traced_to_its_effect(monkeypatch):
+    def count(build):
+        return absence.Count(99 if "shifting" in build.identity else 100, 10)
+
+    monkeypatch.setattr(absence, "count", count)
+    rows = effects.absent(Build("dam_break", DX), ("plates", "shifting", "motion"))
+    failed = [row for row in rows if not row.holds]
+    assert [(row.case, row.value) for row in failed] == [("shifting, dam_break", 1.0)]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", dict.fromkeys((*variants.EFFECTS, *TERMS, EVERY)))
-def test_an_absent_effect_costs_no_instruction(effect):
-    rows = list(effects.absent("dam_break", DX, effect))
-    assert len(rows) == 2
-    assert [row.value for row in rows] == [0.0, 0.0]
+@pytest.mark.parametrize(("build", "names"), effects.comparisons("dam_break", DX))
+def test_an_absent_effect_costs_no_instruction(build, names):
+    rows = list(effects.absent(build, names))
+    assert [row.value for row in rows] == [0.0, 0.0] * len(names)
 
 
 @pytest.mark.slow
 def test_a_term_that_does_something_is_found_by_its_instructions():
-    normal, identity = (absence.count(Build("dam_break", DX, "", name)) for name in ("", "xsph"))
+    normal, identity = (absence.count(Build("dam_break", DX, "", n)) for n in ((), ("xsph",)))
     assert identity.whole < normal.whole
     assert identity.loop < normal.loop

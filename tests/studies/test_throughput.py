@@ -1,9 +1,11 @@
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sph_gym.studies import compilation, throughput
+from sph_gym.studies import compilation, peer_solvers, throughput
+from sph_gym.studies.peers import SCRIPT as SCRIPT_NAME
 from sph_gym.studies.peers import PeerError, Peers, compare, parse
 from sph_gym.studies.phases import PHASES
 from sph_gym.studies.picture import curves
@@ -74,6 +76,14 @@ def test_a_plot_is_drawn(tmp_path):
     assert len(list(curves(rows))) == 5
     throughput.finish(rows, tmp_path / "throughput.png")
     assert (tmp_path / "throughput.png").stat().st_size > 10_000
+
+
+def test_the_package_has_a_peer_of_its_own():
+    path = Path(peer_solvers.__file__).with_name(SCRIPT_NAME)
+    assert "RES" in path.read_text()
+    assert len(throughput.parts(throughput.QUICK, Peers(path.parent))) > len(
+        throughput.parts(throughput.QUICK)
+    )
 
 
 def test_a_peer_is_raced(tmp_path):

@@ -33,13 +33,16 @@ _STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "accuracy": accuracy.measure,
 }
 # Studies that keep finished runs in their folder.
-_KEEPING = ("validation", "headroom", "exploits", "soak", "stability", "accuracy")
-# Studies of which a part can be chosen, and what they can measure anew.
-_IN_PARTS: dict[str, Callable[[], list[str]]] = {
+_RESUMABLE = ("validation", "headroom", "exploits", "soak", "stability", "accuracy")
+# Studies that can be limited to some scenes, and the scenes that they know.
+_BY_SCENE: dict[str, Callable[[], list[str]]] = {
     "validation": validation.with_reference,
     "accuracy": accuracy.names,
 }
-# What a study has to draw or to say after its table.
+_OPTIONS = {
+    "peers": ("throughput", "accuracy"), "chosen": tuple(_BY_SCENE), "again": tuple(_BY_SCENE)
+}  # fmt: skip
+# Studies that draw or print something after their table.
 _FINISH: dict[str, Callable[[list[Row], Path], None]] = {
     "throughput": throughput.finish,
     "headroom": headroom.finish,
@@ -48,7 +51,7 @@ _FINISH: dict[str, Callable[[list[Row], Path], None]] = {
 
 
 def names() -> list[str]:
-    """The studies that `run_study` knows."""
+    """Return the studies that `run_study` knows."""
     return list(_STUDIES)
 
 
@@ -60,7 +63,7 @@ def run_study(
     chosen: Sequence[str] | None = None,
     again: bool = False,
 ) -> int:
-    """Run a study, print its table, write `folder`/NAME.csv and, on what it ran, NAME.json.
+    """Run a study, print its table, write `folder`/NAME.csv and, on the machine, NAME.json.
 
     A part of a study is called after the part: stability_quick, accuracy_SCENE.
     The file grows with every row, so that an interrupted study leaves what it has measured.
@@ -71,17 +74,13 @@ def run_study(
     """
     study = _STUDIES[known("study", name, _STUDIES)]
     place = Path(folder)
-    options: dict[str, Any] = {"folder": place} if name in _KEEPING else {}
-    for option, value, owners in (
-        ("peers", peers, ("throughput", "accuracy")),
-        ("chosen", chosen, tuple(_IN_PARTS)),
-        ("again", again or None, tuple(_IN_PARTS)),
-    ):
+    options: dict[str, Any] = {"folder": place} if name in _RESUMABLE else {}
+    for option, value in (("peers", peers), ("chosen", chosen), ("again", again or None)):
         if value is None:
             continue
-        if name not in owners:
-            who = " and ".join(owners)
-            raise ValueError(f"{option}: only the studies {who} have it, not {name}")
+        if name not in _OPTIONS[option]:
+            owners = " and ".join(_OPTIONS[option])
+            raise ValueError(f"{option}: only the studies {owners} have it, not {name}")
         options[option] = value
     rows: list[Row] = []
     stem = _stem(name, quick, chosen)
@@ -98,8 +97,8 @@ def run_study(
 
 
 def _stem(name: str, quick: bool, chosen: Sequence[str] | None) -> str:
-    """What the files of a study are called, so that no part of it overwrites the whole."""
+    """Return the name of a study's files, so that no part of it overwrites the whole."""
     for scene in chosen or ():
-        known("scenes", scene, _IN_PARTS[name]())
+        known("scenes", scene, _BY_SCENE[name]())
     several = [f"{len(chosen)}_scenes"] if chosen and len(chosen) > 4 else [*(chosen or ())]
     return "_".join([name, *several, *(["quick"] if quick else [])])

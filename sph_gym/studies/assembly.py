@@ -1,7 +1,7 @@
-"""Counting the instructions of a compiled function, and of its hottest loop.
+"""Count the machine instructions of a compiled function, and of its hottest loop.
 
-Only what the function itself runs counts: it and the helpers that it calls, but not the wrappers
-that numba puts around it. Numba shows only code that it has just compiled, none from its cache.
+The function and the helpers that it calls count, but not the wrappers that numba puts around it.
+numba lists only code that it has just compiled, none from its cache.
 """
 
 import re
@@ -22,7 +22,10 @@ class Count(NamedTuple):
 
 
 def count(function: Any) -> Count:
-    """Count those of a function compiled by `jit`; ValueError if numba has no listing of it."""
+    """Count the instructions of a function compiled by `jit`.
+
+    Raises ValueError if nothing was compiled or the listing can't be read.
+    """
     listings = list(function.inspect_asm().values())
     if not listings:
         raise ValueError(f"{function.__name__}: nothing has been compiled")
@@ -30,7 +33,7 @@ def count(function: Any) -> Count:
 
 
 def count_in(listing: str) -> Count:
-    """The same from a listing; ValueError if it can't be read, as on systems without ELF."""
+    """Count the instructions in a listing; ValueError if it can't be read, as without ELF."""
     bodies = functions(listing)
     reached = reachable(bodies)
     whole = sum(len(instructions(bodies[name])) for name in reached)
@@ -41,7 +44,7 @@ def count_in(listing: str) -> Count:
 
 
 def functions(listing: str) -> dict[str, list[str]]:
-    """The lines of every function in the listing but of numba's wrappers."""
+    """Return the lines of every function in the listing but of numba's wrappers."""
     bodies: dict[str, list[str]] = {}
     name = ""
     for line in listing.splitlines():
@@ -58,22 +61,21 @@ def functions(listing: str) -> dict[str, list[str]]:
 
 
 def reachable(bodies: dict[str, list[str]]) -> list[str]:
-    """The first function and all that it mentions, at any depth."""
+    """Return the names of the first function and of all that it mentions, at any depth."""
     reached = list(bodies)[:1]
     for name in reached:
-        text = "\n".join(instructions(bodies[name]))
-        symbols = set(re.findall(r"[\w.]+", text))
+        symbols = set(re.findall(r"[\w.]+", "\n".join(instructions(bodies[name]))))
         reached += [other for other in bodies if other in symbols and other not in reached]
     return reached
 
 
 def instructions(lines: list[str]) -> list[str]:
-    """The lines that are neither labels nor directives nor comments."""
+    """Return the lines that are neither labels nor directives nor comments."""
     return [line.strip() for line in lines if _INSTRUCTION.match(line)]
 
 
 def pair_loops(lines: list[str]) -> list[list[str]]:
-    """Instructions of every innermost loop that takes a root and a reciprocal, as forces do."""
+    """Return every innermost loop that takes a root and a reciprocal, as forces do."""
     places = {found[1]: k for k, line in enumerate(lines) if (found := _LABEL.match(line))}
     spans = []
     for k, line in enumerate(lines):

@@ -1,4 +1,4 @@
-"""How long compiling takes: from nothing, from the cache, and for every compiled function."""
+"""The time of compiling: from nothing, from the cache, and of every compiled function."""
 
 import json
 import os
@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from typing import Any
 
 from sph_gym.studies.table import Row
 
@@ -31,7 +32,19 @@ print(json.dumps({"import": imported - began, "advance": ended - imported, "comp
 """
 
 
-def _first_advance(cache: str) -> dict[str, object]:
+def measure() -> Iterator[Row]:
+    """Yield times of the dam break in float64 in new processes: the cache empty, then filled."""
+    case = "dam_break, float64"
+    with tempfile.TemporaryDirectory() as cache:
+        cold, warm = _first_advance(cache), _first_advance(cache)
+    for name, found in (("cold", cold), ("warm", warm)):
+        yield Row(f"import, {name}", case, found["import"], "s")
+        yield Row(f"first simulation and advance, {name}", case, found["advance"], "s")
+    for function, seconds in cold["compiled"].items():
+        yield Row("compile", f"{function}, float64", seconds, "s")
+
+
+def _first_advance(cache: str) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, "-c", _FIRST_ADVANCE],
         env=os.environ | {"SPH_GYM_CACHE": cache},
@@ -39,25 +52,5 @@ def _first_advance(cache: str) -> dict[str, object]:
         text=True,
         check=True,
     )
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert isinstance(found, dict)
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return found
-
-
-def measure() -> Iterator[Row]:
-    """The dam break in float64 in a new process: nothing compiled yet, then everything."""
-    case = "dam_break, float64"
-    with tempfile.TemporaryDirectory() as cache:
-        cold, warm = _first_advance(cache), _first_advance(cache)
-    for name, found in (("cold", cold), ("warm", warm)):
-        yield Row(f"import, {name}", case, _seconds(found["import"]), "s")
-        yield Row(f"first simulation and advance, {name}", case, _seconds(found["advance"]), "s")
-    compiled = cold["compiled"]
-    assert isinstance(compiled, dict)
-    for function, seconds in compiled.items():
-        yield Row("compile", f"{function}, float64", _seconds(seconds), "s")
-
-
-def _seconds(value: object) -> float:
-    assert isinstance(value, float)
-    return value

@@ -1,28 +1,23 @@
 """Whole episodes in a few numbers, kept on disk, and the best static setting in hindsight."""
 
-import hashlib
 import itertools
-import json
 import math
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-import sph_gym
 from sph_gym.env import actions
 from sph_gym.env.oracle import Step, play
 from sph_gym.env.tuning import TuningEnv
-from sph_gym.studies import store
+from sph_gym.studies.results import Results
 
 # (environment, observation) -> action
 Policy = Callable[[Any, Any], Any]
-Point = tuple[float, float, float]
+# Courant multiple, sound speed and epsilon as coordinates in [-1, 1].
+Setting = tuple[float, float, float]
 
-# Folder of kept episodes, below that of all studies, which share them.
-EPISODES = "episodes"
 # A run is within tolerance if no more than this share of its steps is beyond it: even the fine
 # references differ by more than their tolerance now and then.
 BEYOND = 0.05
@@ -30,8 +25,8 @@ BEYOND = 0.05
 WORST_ERROR = 10.0
 
 
-class Episode(NamedTuple):
-    """What became of an episode.
+class Score(NamedTuple):
+    """The numbers that are kept of an episode.
 
     substeps: all of them; reward: mean per planned step; error: mean of the largest error of each
     step, in multiples of its tolerance and at most WORST_ERROR; beyond: share of the planned
@@ -46,18 +41,23 @@ class Episode(NamedTuple):
 
     @property
     def within(self) -> bool:
-        """Whether it kept within tolerance."""
+        """True if the episode kept within tolerance."""
         return self.beyond <= BEYOND
 
 
+def results(folder: Path) -> Results:
+    """Return the store of episodes below the folder of all studies, which share them."""
+    return Results(folder / "episodes", "studies/episodes.py")
+
+
 def constant(*action: float) -> Policy:
-    """The same action in every step."""
+    """Return a policy that repeats one action."""
     held = np.array(action, np.float32)
     return lambda env, observation: held
 
 
-def run(scene: str, instance: str, policy: Policy, seed: int = 0) -> Episode:
-    """A whole episode of a policy on an instance of an environment's scene."""
+def run(scene: str, instance: str, policy: Policy, seed: int = 0) -> Score:
+    """Play a whole episode of a policy on an instance of an environment's scene."""
     env = TuningEnv(scene)
     env.reset(seed=seed, options={"instance": instance})
     found = follow(env, policy)
@@ -65,8 +65,8 @@ def run(scene: str, instance: str, policy: Policy, seed: int = 0) -> Episode:
     return found
 
 
-def follow(env: TuningEnv, policy: Policy, most_beyond: float = math.inf) -> Episode | None:
-    """The rest of an episode; None as soon as more than a share `most_beyond` is beyond."""
+def follow(env: TuningEnv, policy: Policy, most_beyond: float = math.inf) -> Score | None:
+    """Play the rest of an episode; None as soon as more than a share `most_beyond` is beyond."""
     steps, beyond = list[Step](), 0
     while not steps or not steps[-1].over:
         steps.append(play(env.episode, policy(env, None)))
@@ -75,7 +75,7 @@ def follow(env: TuningEnv, policy: Policy, most_beyond: float = math.inf) -> Epi
             return None
     lost = env.n_steps - len(steps)
     errors = np.minimum([step.error for step in steps], WORST_ERROR)
-    return Episode(
+    return Score(
         substeps=sum(step.n_substeps for step in steps),
         reward=sum(step.reward for step in steps) / env.n_steps,
         error=float((errors.sum() + WORST_ERROR * lost) / env.n_steps),
@@ -84,7 +84,10 @@ def follow(env: TuningEnv, policy: Policy, most_beyond: float = math.inf) -> Epi
     )
 
 
-class Grid(NamedTuple):
+# --- Static settings ------------------------------------------------------------------------
+
+
+class StaticGrid(NamedTuple):
     """Static settings that are tried: sound speeds in multiples of c0, epsilons, finest step."""
 
     sound: tuple[float, ...] = tuple(np.geomspace(0.1, 1.25, 18).tolist())
@@ -92,11 +95,11 @@ class Grid(NamedTuple):
     substeps: int = 40
 
 
-FULL = Grid()
+FULL = StaticGrid()
 
 
-def best_static(scene: str, instance: str, grid: Grid = FULL) -> tuple[Point, Episode] | None:
-    """The static setting that is cheapest within tolerance, in hindsight; None if there is none.
+def best_static(scene: str, instance: str, grid: StaticGrid = FULL) -> tuple[Setting, Score] | None:
+    """Return the static setting that is cheapest within tolerance, in hindsight; None if none is.
 
     The work of a static setting is known beforehand: so many substeps a step. The fewest are
     tried first, with every sound speed for which they make a Courant multiple of the action
@@ -109,16 +112,16 @@ def best_static(scene: str, instance: str, grid: Grid = FULL) -> tuple[Point, Ep
         found = []
         for setting in _settings(env, n, grid):
             env.episode.restore(begin)
-            episode = follow(env, constant(*setting), most_beyond=BEYOND)
-            if episode is not None and not episode.blowup:
-                found.append((setting, episode))
+            score = follow(env, constant(*setting), most_beyond=BEYOND)
+            if score is not None and not score.blowup:
+                found.append((setting, score))
         if found:
             return max(found, key=lambda pair: pair[1].reward)
     return None
 
 
-def _settings(env: TuningEnv, n: int, grid: Grid) -> list[Point]:
-    """Coordinates of the settings that take n substeps a step."""
+def _settings(env: TuningEnv, n: int, grid: StaticGrid) -> list[Setting]:
+    """Return the settings that take n substeps a step."""
     scene, low, high = env.sim.scene, *actions.COURANT
     settings = []
     for sound, xsph in itertools.product(grid.sound, grid.xsph):
@@ -129,21 +132,6 @@ def _settings(env: TuningEnv, n: int, grid: Grid) -> list[Point]:
     return settings
 
 
-# --- On disk --------------------------------------------------------------------------------
-
-
-@cache
-def _sources() -> str:
-    """A hash of all that an episode depends on."""
-    root, digest = Path(sph_gym.__file__).parent, hashlib.sha256()
-    for part in ("solver/*.py", "scenes/*.py", "env/*.py", "controllers/*.py", "env/manifests/*"):
-        for path in sorted(root.glob(part)):
-            digest.update(path.read_bytes())
-    digest.update(Path(__file__).read_bytes())
-    return digest.hexdigest()
-
-
 def kept(folder: Path, key: Any, compute: Callable[[], Any]) -> Any:
-    """What `compute` returns, as JSON from the folder if these sources have computed it before."""
-    digest = hashlib.sha256((_sources() + json.dumps(key)).encode()).hexdigest()[:24]
-    return store.kept(folder / f"{digest}.json", key, compute)
+    """Return what `compute` returns, from the folder if it was computed before."""
+    return Results(folder, "studies/episodes.py").get(key, compute)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sph_gym.extras import needs_extra
 from sph_gym.scenes.shared.reference import Reference
 
 # Of M. Okabe and K. Ito, for colour-blind eyes; line styles tell resolutions in grey too.
@@ -17,30 +18,26 @@ MARKERS = 30
 
 
 def draw(name: str, reference: Reference, results: Sequence[Any], path: Path) -> Path:
-    """Draw the charts of some `validation.Result` into one PNG file; its path.
+    """Draw the charts of some `validation.Validated` into one PNG file; return its path.
 
     Charts of the same axes go into one frame. Colours tell their curves apart, line styles the
     resolutions, the finest one solid; a reference is open black circles.
     Raises ImportError that names the extra.
     """
-    try:
+    with needs_extra("studies"):
         from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError('plots need more: pip install "sph_gym[studies]"') from None
     charts: dict[tuple[str, str], list[Any]] = {}
     for result in results:
         charts.setdefault((result.chart.x_label, result.chart.y_label), []).append(result)
     figure = Figure(figsize=(7 * len(charts), 6), layout="constrained")
     every = figure.subplots(1, len(charts), squeeze=False)[0]
-    for axes, (labels, alike) in zip(every, charts.items(), strict=True):
+    for axes, ((x_label, y_label), alike) in zip(every, charts.items(), strict=True):
         _draw_runs(axes, alike)
         _draw_references(axes, _references(alike))
-        axes.set_xlabel(labels[0])
-        axes.set_ylabel(labels[1])
+        axes.set(xlabel=x_label, ylabel=y_label)
         axes.grid(alpha=0.3)
-        axes.legend(
-            frameon=False, fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.1)
-        )
+        place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1)}
+        axes.legend(frameon=False, fontsize=8, ncols=2, **place)
     title = textwrap.fill(f"{name.replace('_', ' ')}; reference: {reference.source}", 90)
     figure.suptitle(title, fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -49,28 +46,33 @@ def draw(name: str, reference: Reference, results: Sequence[Any], path: Path) ->
 
 
 def _draw_runs(axes: Any, results: Sequence[Any]) -> None:
-    """Curves by colour; grey lines in the legend tell the styles of the resolutions."""
-    labels: dict[str, str] = {}
+    """Draw curves by colour; grey lines in the legend tell the styles of the resolutions."""
+    colours: dict[str, str] = {}
     for k, result in enumerate(reversed(results)):
+        style = LINES[k % len(LINES)]
         for curve in (curve for curve in result.chart.curves if not curve.reference):
-            new = curve.label not in labels
-            colour = labels.setdefault(curve.label, COLOURS[len(labels) % len(COLOURS)])
-            axes.plot(
-                curve.x, curve.y, LINES[k % len(LINES)], color=colour, linewidth=1.4,
-                label=curve.label if new else None,
-            )  # fmt: skip
+            label = None if curve.label in colours else curve.label
+            colour = colours.setdefault(curve.label, COLOURS[len(colours) % len(COLOURS)])
+            axes.plot(curve.x, curve.y, style, color=colour, linewidth=1.4, label=label)
     for k, result in enumerate(reversed(results)):
-        axes.plot([], [], LINES[k % len(LINES)], color="grey", label=_size(result))
+        others = [f"{name} = {value}" for name, value in _others(result)]
+        size = ", ".join([f"dx = {result.dx:.3g} m", *others])
+        axes.plot([], [], LINES[k % len(LINES)], color="grey", label=size)
 
 
-def _size(result: Any) -> str:
-    others = [f"{k} = {v}" for k, v in result.arguments.items() if k != "dx"]
-    return ", ".join([f"dx = {result.dx:.3g} m", *others])
+def _draw_references(axes: Any, references: Sequence[Any]) -> None:
+    """Draw all references in black, with one line in the legend where there are many."""
+    many = len(references) > 3
+    style = {"color": "black", "markersize": 4, "markerfacecolor": "none", "zorder": 3}
+    for k, curve in enumerate(references):
+        label = curve.label if not many else "reference" if k == 0 else None
+        every = max(len(curve.x) // MARKERS, 1)
+        axes.plot(curve.x, curve.y, "o", label=label, markevery=every, **style)
 
 
 def _references(results: Sequence[Any]) -> list[Any]:
-    """The reference curves of all results, once each; of those that differ in dx, the finest's."""
-    finest = {_others(result): result for result in results}
+    """Return all reference curves once; of results that differ in dx alone, the finest's."""
+    finest = {repr(_others(result)): result for result in results}
     distinct: list[Any] = []
     for curve in (curve for result in finest.values() for curve in result.chart.curves):
         if curve.reference and not any(_same(curve, other) for other in distinct):
@@ -78,25 +80,11 @@ def _references(results: Sequence[Any]) -> list[Any]:
     return distinct
 
 
-def _others(result: Any) -> tuple[tuple[str, str], ...]:
-    """The arguments of a result but for dx."""
-    return tuple(sorted((k, repr(v)) for k, v in result.arguments.items() if k != "dx"))
+def _others(result: Any) -> list[tuple[str, Any]]:
+    """Return the arguments of a result except dx."""
+    return sorted((name, value) for name, value in result.arguments.items() if name != "dx")
 
 
 def _same(curve: Any, other: Any) -> bool:
-    return (
-        curve.label == other.label
-        and np.array_equal(curve.x, other.x)
-        and np.array_equal(curve.y, other.y)
-    )
-
-
-def _draw_references(axes: Any, references: Sequence[Any]) -> None:
-    """All in black, with one line in the legend where there are many."""
-    for k, curve in enumerate(references):
-        label = curve.label if len(references) <= 3 else "reference"
-        axes.plot(
-            curve.x, curve.y, "o", color="black", markersize=4, markerfacecolor="none",
-            markevery=max(len(curve.x) // MARKERS, 1), zorder=3,
-            label=label if len(references) <= 3 or k == 0 else None,
-        )  # fmt: skip
+    places = (curve.x, other.x), (curve.y, other.y)
+    return curve.label == other.label and all(np.array_equal(*pair) for pair in places)

@@ -1,4 +1,4 @@
-"""Why scenes are labelled as they are: what a study prints and writes after its table."""
+"""The labels of scenes, and why they have them: printed and written after a study's table."""
 
 import csv
 import math
@@ -14,7 +14,7 @@ GAIN, NONE = "headroom over the best static", "no headroom: both within toleranc
 
 
 def explain(rows: Sequence[Row], path: Path) -> None:
-    """Print why those scenes of the rows are no benchmarks that aren't.
+    """Print for each scene of the rows that is no benchmark why it is none.
 
     Where rows tell of headroom, also write them as a table next to `path`.
     """
@@ -30,7 +30,7 @@ def explain(rows: Sequence[Row], path: Path) -> None:
 
 
 def headrooms(rows: Sequence[Row]) -> list[tuple[str, float | None, str]]:
-    """Scene, headroom or None, and label of each scene whose headroom the rows tell."""
+    """Return scene, headroom or None, and label of each scene whose headroom the rows tell."""
     found: dict[str, tuple[float | None, str]] = {}
     for row in rows:
         scene, _, label = row.case.partition(", ")

@@ -1,4 +1,4 @@
-"""On what a study measured: a number of seconds says nothing without the machine."""
+"""The machine of a measurement: without it, a number of seconds says nothing."""
 
 import json
 import os
@@ -8,12 +8,13 @@ from pathlib import Path
 import numba
 import numpy as np
 
+from sph_gym.files import atomic_write
 from sph_gym.solver import target
 from sph_gym.solver.teams import most_threads
 
 
 def describe() -> dict[str, str]:
-    """Processor, cores that may be used, vectors, operating system and versions."""
+    """Return processor, cores that may be used, vectors, operating system and versions."""
     return {
         "processor": _processor(),
         "cores": f"{most_threads()} usable of {os.cpu_count()}",
@@ -26,7 +27,6 @@ def describe() -> dict[str, str]:
 
 
 def _processor() -> str:
-    """The model's name, where the system tells."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -43,5 +43,5 @@ def write(path: Path) -> None:
     description = describe()
     for name, value in description.items():
         print(f"{name}: {value}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(description, indent=2) + "\n")
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps(description, indent=2) + "\n")

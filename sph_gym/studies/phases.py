@@ -1,10 +1,11 @@
-"""The phases of a step, each again and again within one compiled call: which takes how long?
+"""The phases of a step, each repeated within one compiled call, so that it can be timed.
 
 A call from Python takes as long as a phase of a small fluid, so the repetition is compiled too.
 Every phase leaves what the next one needs, as it does within a step.
 """
 
-from sph_gym.solver.density import compute_fluid_density, compute_wall_density
+from sph_gym.solver.boundary import compute_wall_density
+from sph_gym.solver.density import compute_fluid_density
 from sph_gym.solver.integrators import move
 from sph_gym.solver.jit import jit
 from sph_gym.solver.neighbors import read_grid, sort_into_cells
@@ -12,45 +13,35 @@ from sph_gym.solver.neighbors import read_grid, sort_into_cells
 
 @jit
 def sort(world, model, standstill, repeats):
-    """Particles into the order of their cells."""
+    """Sort particles into the order of their cells."""
+    cells = world.cells
     for _ in range(repeats):
-        grid = read_grid(world.sorting.frame)
-        sort_into_cells(
-            0, 1, world.team, grid, world.spare, world.fluid, world.sorting, world.start,
-        )  # fmt: skip
+        sort_into_cells(0, 1, world.team, world.spare, cells.fluid, world.sorting, cells.start)
 
 
 @jit
 def wall_density(world, model, standstill, repeats):
-    """Density and pressure of wall particles."""
+    """Compute density and pressure of wall particles."""
     for _ in range(repeats):
         grid = read_grid(world.sorting.frame)
-        compute_wall_density(
-            0, 1, world.walls, world.wall_sums, world.wall_start, world.fluid, world.start,
-            grid, world.lists, model.kernel, model.eos, model.constants,
-        )  # fmt: skip
+        compute_wall_density(world.cells.walls, 0, 1, world.cells, model, grid)
 
 
 @jit
 def fluid_density(world, model, standstill, repeats):
-    """Neighbour lists, density and pressure of the fluid."""
+    """Compute neighbour lists, density and pressure of the fluid."""
+    n = world.cells.fluid.id.size
     for _ in range(repeats):
         grid = read_grid(world.sorting.frame)
-        compute_fluid_density(
-            0, 1, 0, world.fluid.id.size, world.fluid, world.start, world.walls, world.wall_start,
-            grid, world.lists, model.kernel, model.eos, model.constants, model.effects,
-            model.alone, standstill,
-        )  # fmt: skip
+        compute_fluid_density(0, 1, 0, n, world.cells, model, grid, standstill)
 
 
 @jit
 def force(world, model, standstill, repeats):
-    """Forces and integration by a time step `standstill`, 0 in the precision of the particles."""
+    """Integrate by a time step `standstill`, which is 0 in the precision of the particles."""
+    n = world.cells.fluid.id.size
     for _ in range(repeats):
-        move(
-            model.integrator, 0, 0, world.fluid.id.size, world.fluid, world.spare, world.walls,
-            world.lists, model, 0.0, standstill,
-        )  # fmt: skip
+        move(model.integrator, 0, 0, n, world.cells, world.spare, model, 0.0, standstill)
 
 
 # In the order of a step.

@@ -1,4 +1,4 @@
-"""Policies that mean no good: random, extreme, or out to break the solver.
+"""Hostile policies: random, extreme, or made to break the solver.
 
 Each is an endless stream of pushes, (3,) in [-1, 1], to be played as actions of any mode.
 """
@@ -14,19 +14,19 @@ STEP = 0.2
 
 
 def uniform(rng: np.random.Generator) -> Iterator[Push]:
-    """Anything, anew in every step."""
+    """Yield uniform random actions."""
     while True:
         yield rng.uniform(-1, 1, 3)
 
 
 def corners(rng: np.random.Generator) -> Iterator[Push]:
-    """A corner of the box, another one in every step."""
+    """Yield random corners of the action space."""
     while True:
         yield rng.choice((-1.0, 1.0), 3)
 
 
 def switching(rng: np.random.Generator) -> Iterator[Push]:
-    """From a corner to the opposite one and back."""
+    """Alternate between a corner and the opposite one."""
     corner = rng.choice((-1.0, 1.0), 3)
     while True:
         yield corner
@@ -34,13 +34,13 @@ def switching(rng: np.random.Generator) -> Iterator[Push]:
 
 
 def softest(rng: np.random.Generator) -> Iterator[Push]:
-    """The softest fluid with the longest step."""
+    """Ask for the softest fluid with the longest step."""
     while True:
         yield np.array([1.0, -1.0, rng.uniform(-1, 1)])
 
 
 def stiffest(rng: np.random.Generator) -> Iterator[Push]:
-    """The stiffest fluid with the largest Courant number."""
+    """Ask for the stiffest fluid with the largest Courant number."""
     while True:
         yield np.array([1.0, 1.0, rng.choice((-1.0, 1.0))])
 
@@ -54,7 +54,7 @@ def ambush(rng: np.random.Generator) -> Iterator[Push]:
 
 
 def walk(rng: np.random.Generator) -> Iterator[Push]:
-    """A random walk in small steps."""
+    """Walk at random in small steps."""
     place = rng.uniform(-1, 1, 3)
     while True:
         yield place
@@ -62,7 +62,7 @@ def walk(rng: np.random.Generator) -> Iterator[Push]:
 
 
 def held(rng: np.random.Generator) -> Iterator[Push]:
-    """One entry held at an end of its range, the others at random."""
+    """Hold one entry at an end of its range and draw the others at random."""
     entry, end = rng.integers(3), rng.choice((-1.0, 1.0))
     while True:
         push = rng.uniform(-1, 1, 3)

@@ -1,4 +1,4 @@
-"""How long a user waits: process start to the first step of an environment, cold and warm."""
+"""The wait of a user: process start to the first step of an environment, cold and warm."""
 
 import os
 import statistics
@@ -6,10 +6,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from functools import partial
 
 from sph_gym.env import env_id
 from sph_gym.env.registration import SCENES
-from sph_gym.studies.table import Row
+from sph_gym.studies.table import Row, measure_parts
 
 COLD, WARM = 15.0, 1.5
 REPEATS = 3
@@ -22,6 +24,20 @@ env.step(env.action_space.sample())
 """
 
 
+def measure(quick: bool) -> Iterator[Row]:
+    """Yield the waits of every scene, with a progress bar; quick: of the first scene only."""
+    return measure_parts([(name, partial(wait, name)) for name in SCENES[: 1 if quick else None]])
+
+
+def wait(scene: str) -> Iterator[Row]:
+    """Yield the wait with nothing compiled and no reference kept, and the median of later ones."""
+    with tempfile.TemporaryDirectory() as cache:
+        cold = _seconds(env_id(scene), cache)
+        warm = statistics.median(_seconds(env_id(scene), cache) for _ in range(REPEATS))
+    yield Row("cold start to first step", scene, cold, "s", COLD)
+    yield Row("warm start to first step", scene, warm, "s", WARM)
+
+
 def _seconds(id_: str, cache: str) -> float:
     began = time.perf_counter()
     subprocess.run(
@@ -30,15 +46,3 @@ def _seconds(id_: str, cache: str) -> float:
         check=True,
     )
     return time.perf_counter() - began
-
-
-def measure(quick: bool) -> list[Row]:
-    """Cold: nothing compiled, no reference run on disk. Warm: the median of three runs after it."""
-    rows = []
-    for scene in SCENES[: 1 if quick else None]:
-        with tempfile.TemporaryDirectory() as cache:
-            cold = _seconds(env_id(scene), cache)
-            warm = statistics.median(_seconds(env_id(scene), cache) for _ in range(REPEATS))
-        rows.append(Row("cold start to first step", scene, cold, "s", COLD))
-        rows.append(Row("warm start to first step", scene, warm, "s", WARM))
-    return rows

@@ -1,16 +1,18 @@
-"""How a study reports: rows of a measured value and of what it must keep, if anything."""
+"""Rows, the results of studies: measured values, with bounds that some must keep."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+from sph_gym.extras import needs_extra, progress_bar
 
 # Characters in a line of a table.
 WIDEST = 1000
 
 
 class Row(NamedTuple):
-    """One measurement: what, of which run, how much, in which unit, and its bound.
+    """One measurement: the quantity, the case that it was measured on, value, unit and bound.
 
     bound: the value must be at most that, or at least that if `at_least`; None: for information.
     """
@@ -24,14 +26,14 @@ class Row(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the value is a number and within its bound."""
+        """True if the value is a number and within its bound."""
         if self.bound is None:
             return self.value == self.value
         return self.value >= self.bound if self.at_least else self.value <= self.bound
 
     @property
     def verdict(self) -> str:
-        """The same in a word, for the terminal; nothing where nothing is demanded."""
+        """Markup for the terminal that says if the bound holds; empty where there is none."""
         if not self.holds:
             return "[bold red]FAILS[/]"
         return "" if self.bound is None else "holds"
@@ -44,17 +46,31 @@ class Row(NamedTuple):
         return f"{'at least' if self.at_least else 'at most'} {self.bound:.4g}"
 
 
+# The title of a part of a study, and how its rows are measured.
+Part = tuple[str, Callable[[], Iterable[Row]]]
+
+
+def measure_parts(parts: Sequence[Part]) -> Iterator[Row]:
+    """Yield the rows of all parts, with a progress bar that shows the title of the present one.
+
+    Raises ImportError that names the extra to install.
+    """
+    with progress_bar(len(parts), unit="part") as bar:
+        for title, rows in parts:
+            bar.set_description(title)
+            yield from rows()
+            bar.update()
+
+
 def print_table(title: str, headings: list[str], rows: list[list[str]], n_text: int) -> None:
     """Print rows of text to the terminal; the columns after the first `n_text` are flush right.
 
     Raises ImportError that names the extra to install.
     """
-    try:
+    with needs_extra("studies"):
         from rich.box import SIMPLE
         from rich.console import Console
         from rich.table import Table
-    except ImportError:
-        raise ImportError('tables need more: pip install "sph_gym[studies]"') from None
     grid = Table(title=title, header_style="bold", box=SIMPLE, pad_edge=False)
     for k, heading in enumerate(headings):
         grid.add_column(heading, justify="left" if k < n_text else "right", no_wrap=True)

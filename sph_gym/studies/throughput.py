@@ -1,28 +1,31 @@
-"""How fast the solver is: by size, precision, threads, phase, kernel and effect; and its peers.
+"""The speed of the solver: by size, precision, threads, phase, kernel and effect; and of peers.
 
 Everything but the environments is the dam break with about 20 neighbours, a column one wide and two
-high. A particle-step is one particle, fluid or wall, moved on by one step. What is compared runs in
-turns; phases, sizes and variants by the time that their thread has a core, the rest by the clock on
-the wall.
+high. A particle-step is one particle, fluid or wall, advanced by one step. Runs that are compared
+take turns; phases, sizes and variants are timed by the processor time of their thread, the rest by
+the wall clock.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sph_gym import scenes
 from sph_gym.solver import teams
 from sph_gym.solver.batch import advance_all
+from sph_gym.solver.model import with_controls
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import DTYPES, Simulation
-from sph_gym.studies import compilation, environments, variants
+from sph_gym.studies import compilation, environments, picture, variants
 from sph_gym.studies.peers import NAME, SCRIPT, Peers, compare
 from sph_gym.studies.phases import PHASES
-from sph_gym.studies.table import Row
+from sph_gym.studies.table import Part, Row, measure_parts
 from sph_gym.studies.timing import (
     WARM_UP,
     Runner,
@@ -43,8 +46,11 @@ RATE = "M particle-steps/s"
 UNIT = "ns/fluid particle"
 
 
-class Plan(NamedTuple):
-    """What is measured: sizes in fluid particles, repetitions, and how many fluids at once."""
+class ThroughputPlan(NamedTuple):
+    """Sizes in fluid particles, repetitions, and how many fluids at once.
+
+    reference: the size that others are compared with; work: particle-steps of one timed call.
+    """
 
     sizes: tuple[int, ...] = (1000, 5000, 20_000, 100_000)
     rounds: int = 15
@@ -52,72 +58,60 @@ class Plan(NamedTuple):
     batch: int = 64
     batch_size: int = 500
     reference: int = 5000
-    # particle-steps of one timed call
     work: int = 400_000
-    # of the environments
-    agents: environments.Plan = environments.Plan()
+    agents: environments.EnvironmentPlan = environments.EnvironmentPlan()
 
 
-FULL = Plan()
-QUICK = Plan(
+FULL = ThroughputPlan()
+QUICK = ThroughputPlan(
     sizes=(1000, 5000), rounds=7, peer_rounds=1, work=200_000,
-    agents=environments.Plan(rounds=7),
+    agents=environments.EnvironmentPlan(rounds=7),
 )  # fmt: skip
-
-Task = tuple[str, Callable[[], Iterable[Row]]]
 
 
 def dam_break(n: int) -> Scene:
-    """The benchmark with about n fluid particles."""
+    """Return the benchmark with about n fluid particles."""
     return scenes.make("dam_break", dx=(2.0 / n) ** 0.5, width=1.0, height=2.0, tank=4.0)
 
 
 def case(n: int, dtype: str, threads: int = 1) -> str:
-    """How a row calls a run."""
+    """Return the name of a run in rows."""
     return f"{n}, {dtype}, {threads} thread{'s' if threads > 1 else ''}"
 
 
 def measure(quick: bool, peers: Peers | None = None) -> Iterator[Row]:
-    """All rows, as they are measured, with a progress bar.
+    """Yield all rows, as they are measured, with a progress bar.
 
     Raises ImportError that names the extra to install, ValueError if the peers have no script.
     """
     if peers is not None and not (peers.folder / SCRIPT).is_file():
         raise ValueError(f"--peers: no {peers.folder / SCRIPT}")
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        raise ImportError('studies need more: pip install "sph_gym[studies]"') from None
-    with tqdm(tasks(QUICK if quick else FULL, peers), unit="part") as bar:
-        for title, rows in bar:
-            bar.set_description(title)
-            yield from rows()
+    return measure_parts(parts(QUICK if quick else FULL, peers))
 
 
-def tasks(plan: Plan, peers: Peers | None = None) -> list[Task]:
-    """Title and rows of every part of the study."""
-    parts: list[Task] = []
+def parts(plan: ThroughputPlan, peers: Peers | None = None) -> list[Part]:
+    """Return title and rows of every part of the study."""
+    found: list[Part] = []
     for dtype in DTYPES:
         for n in plan.sizes:
-            parts.append((case(n, dtype), partial(by_threads, plan, n, dtype)))
-            parts.append((f"phases, {n}, {dtype}", partial(by_phase, plan, n, dtype)))
-        parts.append((f"sizes, {dtype}", partial(by_size, plan, dtype)))
-        parts.append((f"many, {dtype}", partial(many, plan, dtype)))
-    parts.append(("kernels, effects", partial(by_variant, plan)))
+            found.append((case(n, dtype), partial(by_threads, plan, n, dtype)))
+            found.append((f"phases, {n}, {dtype}", partial(by_phase, plan, n, dtype)))
+        found.append((f"sizes, {dtype}", partial(by_size, plan, dtype)))
+        found.append((f"many, {dtype}", partial(many, plan, dtype)))
+    found.append(("kernels, effects", partial(by_variant, plan)))
     for scene in plan.agents.spacings:
         rows = partial(environments.measure, plan.agents, *scene)
-        parts.append((f"environments, {scene[0]}", rows))
-    parts.append(("compiling", compilation.measure))
+        found.append((f"environments, {scene[0]}", rows))
+    found.append(("compiling", compilation.measure))
     if peers is not None:
-        for dtype in DTYPES:
-            for n in plan.sizes:
-                if n >= plan.reference:
-                    parts.append((f"{NAME}, {n}, {dtype}", partial(by_peer, plan, peers, n, dtype)))
-    return parts
+        sizes = [n for n in plan.sizes if n >= plan.reference]
+        for dtype, n in product(DTYPES, sizes):
+            found.append((f"{NAME}, {n}, {dtype}", partial(by_peer, plan, peers, n, dtype)))
+    return found
 
 
-def by_threads(plan: Plan, n: int, dtype: str) -> Iterator[Row]:
-    """Speed on one thread and on two, neighbours and memory."""
+def by_threads(plan: ThroughputPlan, n: int, dtype: str) -> Iterator[Row]:
+    """Yield the speed on one thread and on two, neighbours and memory."""
     counts = [1, 2] if teams.most_threads() > 1 else [1]
     runners = [Runner(dam_break(n), dtype, threads, plan.work) for threads in counts]
     seconds = in_turns([runner.seconds for runner in runners], plan.rounds)
@@ -136,44 +130,44 @@ def by_threads(plan: Plan, n: int, dtype: str) -> Iterator[Row]:
     yield Row("memory", f"{n}, {dtype}", runners[0].bytes() / sim.n_particles, "bytes/particle")
 
 
-def by_size(plan: Plan, dtype: str) -> Iterator[Row]:
-    """What a particle costs in a large and in a small fluid, against one of the reference size."""
+def by_size(plan: ThroughputPlan, dtype: str) -> Iterator[Row]:
+    """Yield the cost of a particle in a large and in a small fluid over that in the reference."""
     compared = [n for n in (min(plan.sizes), max(plan.sizes)) if n != plan.reference]
     runners = [Runner(dam_break(n), dtype, 1, plan.work) for n in (plan.reference, *compared)]
-    clock = own_clock()
-    seconds = in_turns([partial(runner.seconds, clock) for runner in runners], plan.rounds)
-    for counted, bounded in (("n_particles", True), ("n_fluid", False)):
+    seconds = _processor_time(runners, plan.rounds)
+    for counted, what in (("n_particles", "a particle"), ("n_fluid", "a fluid particle")):
         costs = seconds / [getattr(runner.sim, counted) for runner in runners]
         for n, times in zip(compared, costs.T[1:], strict=True):
             ratio, limit = float(np.median(times / costs[:, 0])), LARGE if n > 5000 else SMALL
-            what = "a particle" if bounded else "a fluid particle"
+            bound = limit if counted == "n_particles" else None
             name = f"{n} against {plan.reference}, {dtype}"
-            yield Row(f"cost of {what}", name, ratio, "", limit if bounded else None)
+            yield Row(f"cost of {what}", name, ratio, "", bound)
 
 
-def by_phase(plan: Plan, n: int, dtype: str) -> Iterator[Row]:
-    """The parts of a step on one thread."""
-    sim = Runner(dam_break(n), dtype).sim
-    repeats = max(plan.work // n // 4, 2)
-    arguments = sim.engine.world, sim.engine.model, DTYPES[dtype](0.0), repeats
-
+def _processor_time(runners: list[Runner], rounds: int) -> NDArray[np.float64]:
     clock = own_clock()
+    return in_turns([partial(runner.seconds, clock) for runner in runners], rounds)
 
-    def timer(phase: Callable[..., None]) -> Callable[[], float]:
-        def seconds() -> float:
-            with pinned():
-                return clocked(lambda: phase(*arguments), clock) / repeats
 
-        return seconds
+def by_phase(plan: ThroughputPlan, n: int, dtype: str) -> Iterator[Row]:
+    """Yield the parts of a step on one thread."""
+    sim = Runner(dam_break(n), dtype).sim
+    repeats, clock = max(plan.work // n // 4, 2), own_clock()
+    model, _ = with_controls(sim.engine.model, sim.engine.controls[0])
+    arguments = sim.engine.world, model, DTYPES[dtype](0.0), repeats
 
-    runs = [timer(phase) for phase in PHASES.values()]
+    def seconds(phase: Callable[..., None]) -> float:
+        with pinned():
+            return clocked(lambda: phase(*arguments), clock) / repeats
+
+    runs = [partial(seconds, phase) for phase in PHASES.values()]
     in_turns(runs, 1)
     for name, times in zip(PHASES, in_turns(runs, plan.rounds).T, strict=True):
         yield Row(f"phase: {name}", f"{n}, {dtype}", nanoseconds(times, sim.n_fluid), UNIT)
 
 
-def many(plan: Plan, dtype: str) -> Iterator[Row]:
-    """Many small fluids, advanced together."""
+def many(plan: ThroughputPlan, dtype: str) -> Iterator[Row]:
+    """Yield the speed of many small fluids that are advanced together."""
     threads = min(2, teams.most_threads())
     scene = dam_break(plan.batch_size)
     sims = [Simulation(scene, dtype, threads=1) for _ in range(plan.batch)]
@@ -190,36 +184,29 @@ def many(plan: Plan, dtype: str) -> Iterator[Row]:
     yield Row("many small fluids, fluid alone", name, rate * share, RATE)
 
 
-def by_variant(plan: Plan) -> Iterator[Row]:
-    """Every kernel, and every effect on and off, in float64."""
-    scene = dam_break(plan.reference)
-    named = {
-        f"kernel {kernel}": dataclasses.replace(
-            scene, fluid=dataclasses.replace(scene.fluid, kernel=kernel)
-        )
-        for kernel in ("mueller", "wendland_c2")
-    }
+def by_variant(plan: ThroughputPlan) -> Iterator[Row]:
+    """Yield the cost with every kernel, and with every effect on and off, in float64."""
+    scene, named = dam_break(plan.reference), dict[str, Scene]()
+    for kernel in ("mueller", "wendland_c2"):
+        fluid = dataclasses.replace(scene.fluid, kernel=kernel)
+        named[f"kernel {kernel}"] = dataclasses.replace(scene, fluid=fluid)
     for effect in variants.UNIFORM:
         named[f"{effect} on"] = variants.added(scene, effect)
-        named[f"{effect} off"] = variants.left_out(scene, effect)
-    runners = {name: Runner(variant, work=plan.work) for name, variant in named.items()}
-    same_home(list(runners.values()))
-    clock = own_clock()
-    runs = [partial(runner.seconds, clock) for runner in runners.values()]
-    seconds = in_turns(runs, plan.rounds)
-    for (name, runner), times in zip(runners.items(), seconds.T, strict=True):
+        named[f"{effect} off"] = variants.left_out(named[f"{effect} on"], effect)
+    runners = [Runner(variant, work=plan.work) for variant in named.values()]
+    same_home(runners)
+    seconds = _processor_time(runners, plan.rounds)
+    for name, runner, times in zip(named, runners, seconds.T, strict=True):
         cost = nanoseconds(times, runner.sim.n_fluid)
         yield Row("cost of a variant", f"{name}, {plan.reference}", cost, UNIT)
 
 
-def by_peer(plan: Plan, peers: Peers, n: int, dtype: str) -> Iterator[Row]:
-    """Ours and theirs in turns, on one core."""
+def by_peer(plan: ThroughputPlan, peers: Peers, n: int, dtype: str) -> Iterator[Row]:
+    """Yield our speed and theirs, measured in turns on one core."""
     runner = Runner(dam_break(n), dtype, 1, plan.work)
     return compare(peers, runner, case(n, dtype), n, dtype, plan.peer_rounds)
 
 
 def finish(rows: list[Row], path: Path) -> None:
     """Draw the throughput over the size."""
-    from sph_gym.studies.picture import draw
-
-    print(f"plot: {draw(rows, path)}")
+    print(f"plot: {picture.draw(rows, path)}")

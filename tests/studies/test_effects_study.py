@@ -1,88 +1,18 @@
-import ast
-import json
-import os
-import py_compile
-import subprocess
-import sys
-from pathlib import Path
+import math
 
-import numpy as np
 import pytest
 
-import sph_gym
 from sph_gym import scenes
-from sph_gym.studies import effects, variants
+from sph_gym.solver import effects as solver_effects
+from sph_gym.solver import walls
+from sph_gym.studies import absence, effects, variants
+from sph_gym.studies.absence import EVERY, TERMS, Build
 from sph_gym.studies.assembly import count_in
-from sph_gym.studies.cutting import copy_without
 
-# What is left of each effect's code nowhere in the files of the step.
-CODE = {
-    "artificial_viscosity": ("add_artificial_viscosity",),
-    "laminar_viscosity": ("add_laminar_viscosity",),
-    "quadratic_viscosity": ("add_quadratic_viscosity", "density_sum: Any"),
-    "tensile_correction": ("add_tensile_correction", "stress_i: Any"),
-    "surface_tension": ("add_surface_tension",),
-    "shifting": ("def add_crowding", "def add_shift", "cx: Any"),
-    "xsph": ("add_xsph", "add_smoothing", "sx: Any", "sums.sx"),
-    "gravity": ("def add_gravity(effect", "add_gravity(model", "add_gravity(gravity"),
-    "box": ("confine(",),
-    "walls": (
-        "or compute_wall_density(",
-        "sort_into_cells(rank, n_threads, team, grid, source, walls",
-        "add_forces(target, walls",
-    ),
-}
-STEP = ("effects.py", "density.py", "forces.py", "integrators.py", "stepping.py")
-
-STEPS = """
-import hashlib, json, sys
-from sph_gym import Simulation, scenes
-from sph_gym.studies.variants import EFFECTS, left_out
-import sph_gym
-digests = {}
-for effect in json.loads(sys.argv[1]):
-    sim = Simulation(left_out(scenes.make("dam_break", dx=0.1), effect), threads=1)
-    sim.advance(3 * sim.controls.dt)
-    state = sim.x.tobytes() + sim.v.tobytes() + sim.p.tobytes()
-    digests[effect] = hashlib.sha256(state).hexdigest()
-print(json.dumps([sph_gym.__file__, digests]))
-"""
+DX = 0.05
 
 
-def digests(package, names):
-    done = subprocess.run(
-        [sys.executable, "-c", STEPS, json.dumps(names)],
-        cwd=package.parent,
-        env=os.environ | {"PYTHONPATH": str(package.parent), "NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    path, found = json.loads(done.stdout)
-    assert Path(path).parent.samefile(package)
-    return found
-
-
-@pytest.fixture(scope="module")
-def untouched():
-    return digests(Path(sph_gym.__file__).parent, list(variants.EFFECTS))
-
-
-@pytest.mark.parametrize("effect", variants.EFFECTS)
-def test_an_effect_is_cut_out(effect, tmp_path, untouched):
-    copy = copy_without(effect, tmp_path)
-    text = "".join((copy / "solver" / name).read_text() for name in STEP)
-    for word in CODE[effect]:
-        assert word not in text
-    for path in (copy / "solver").glob("*.py"):
-        ast.parse(path.read_text())
-        py_compile.compile(str(path), doraise=True)
-    assert digests(copy, [effect]) == {effect: untouched[effect]}
-
-
-def test_nothing_to_cut(tmp_path):
-    with pytest.raises(ValueError, match="no code is guarded by 'sorcery'"):
-        copy_without("sorcery", tmp_path)
+# --- Variants -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("effect", variants.EFFECTS)
@@ -102,18 +32,20 @@ def test_variants(effect):
 
 
 @pytest.mark.parametrize("name", scenes.names())
-@pytest.mark.parametrize("effect", variants.EFFECTS)
-def test_any_effect_can_be_left_out_of_any_scene(name, effect):
+def test_any_effect_can_be_left_out_of_any_scene(name):
     scene = scenes.make(name)
-    without = variants.left_out(scene, effect)
-    assert not variants.names(without, effect)
     ends = () if scene.walls is None else (scene.walls.period_x, scene.walls.period_y)
-    if effect == "walls" or (effect == "box" and ends and None not in ends):
-        with pytest.raises(ValueError, match="can be added"):
-            variants.added(without, effect)
-    else:
-        assert variants.names(variants.added(without, effect), effect)
+    for effect in variants.EFFECTS:
+        without = variants.left_out(scene, effect)
+        assert not variants.names(without, effect)
+        if effect == "walls" or (effect == "box" and ends and None not in ends):
+            with pytest.raises(ValueError, match="can be added"):
+                variants.added(without, effect)
+        else:
+            assert variants.names(variants.added(without, effect), effect)
 
+
+# --- Counting -------------------------------------------------------------------------------
 
 LISTING = """
 	.type	main,@function
@@ -151,31 +83,87 @@ def test_instructions_are_counted():
         count_in("main:\n\tnop\n")
 
 
+# --- Replacing ------------------------------------------------------------------------------
+
+
+def test_an_identity_returns_what_the_function_does_without_its_part():
+    found = absence.identity(walls.confine, "box")
+    assert found(None, 1, 2, "x", "y", "u", "v") == ("x", "y", "u", "v")
+    assert found("a box", 1, 2, "x", "y", "u", "v") == ("x", "y", "u", "v")
+    with pytest.raises(ValueError, match="expected an argument or a constant"):
+        absence.identity(lambda part, x: [x], "part")
+
+
+def test_guards_are_found_by_themselves():
+    found = {function.__name__: function for function in absence.solver_functions()}
+    guards = absence.guards(found["add_xsph"])
+    assert list(guards) == [0]
+    assert guards[0](None, "pair", "sx", "sy") == ("sx", "sy")
+    assert absence.guards(found["add_pressure"]) == {}
+    assert sum(bool(absence.guards(function)) for function in found.values()) > 30
+
+
+def test_every_term_of_an_effect_is_replaced():
+    terms = {name for name in vars(solver_effects) if name.startswith("add_")} - {"add_pressure"}
+    assert terms <= {name for names in TERMS.values() for name in names}
+    known = {function.__name__ for function in absence.solver_functions()}
+    assert {name for names in TERMS.values() for name in names} <= known
+    assert {*variants.EFFECTS} - {*TERMS} == {"walls"}
+
+
 def test_rows_of_a_comparison():
-    ours = {"instructions": 100, "loop": 11, "bytes": 8}
-    cut = {"instructions": 100, "loop": 10, "bytes": 8}
-    rows = {r.quantity: r for r in effects.compared("xsph, a", ours, cut, [1.0, 1.01, 9.0])}
-    assert [row.holds for row in rows.values()] == [True, False, True, True]
-    assert rows["absent: time of a step"].value == pytest.approx(1.0)
-    none = {"instructions": None, "loop": None, "bytes": 8}
-    assert len(list(effects.compared("xsph, a", none, none, [1.0]))) == 2
+    normal, identity = absence.Count(100, 11), absence.Count(100, 10)
+    rows = list(effects.compared("xsph, a", normal, identity))
+    assert [(row.value, row.holds) for row in rows] == [(0.0, True), (1.0, False)]
+    assert list(effects.compared("xsph, a", None, None)) == []
 
 
-def test_presence_is_timed(monkeypatch):
-    plan = effects.Plan({"relaxation": 0.05}, 1, 1000)
+def test_a_process_that_fails_is_reported():
+    with pytest.raises(OSError, match=r"ended early and said: .*no_such_scene"):
+        absence.count(Build("no_such_scene", DX))
+
+
+def test_presence_is_timed():
+    plan = effects.CostPlan({"relaxation": 0.05}, 1, 1000)
     rows = list(effects.present(plan, "relaxation", "laminar_viscosity"))
-    assert {row.unit for row in rows} == {"% of a step", "ns/fluid particle"}
+    assert [row.unit for row in rows] == [
+        "% of a step", "ns/fluid particle", "bytes/fluid particle"
+    ]  # fmt: skip
     assert {row.case for row in rows} == {"laminar_viscosity, relaxation"}
-    assert all(np.isfinite(row.value) for row in rows)
+    assert all(math.isfinite(row.value) for row in rows)
     assert list(effects.present(plan, "relaxation", "walls")) == []
 
 
-def test_a_worker_that_dies_is_told_of(tmp_path):
-    broken = tmp_path / "sph_gym"
-    broken.mkdir()
-    (broken / "__init__.py").write_text("raise SystemExit(3)")
-    with (
-        pytest.raises(OSError, match="ended early"),
-        effects.Worker(broken, {"scene": "relaxation"}) as worker,
-    ):
-        worker.report()
+def named(scene, dx):
+    made = scenes.make(scene, dx=dx)
+    return [effect for effect in variants.EFFECTS if variants.names(made, effect)]
+
+
+def test_all_effects_are_compared_in_every_scene():
+    for scene, dx in effects.SPACINGS.items():
+        found = [name for _, names in effects.comparisons(scene, dx) for name in names]
+        assert sorted(found) == sorted({*TERMS, EVERY, *named(scene, dx)})
+
+
+def test_a_difference_is_traced_to_its_effect(monkeypatch):
+    def count(build):
+        return absence.Count(99 if "shifting" in build.identity else 100, 10)
+
+    monkeypatch.setattr(absence, "count", count)
+    rows = effects.absent(Build("dam_break", DX), ("plates", "shifting", "motion"))
+    failed = [row for row in rows if not row.holds]
+    assert [(row.case, row.value) for row in failed] == [("shifting, dam_break", 1.0)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("build", "names"), effects.comparisons("dam_break", DX))
+def test_an_absent_effect_costs_no_instruction(build, names):
+    rows = list(effects.absent(build, names))
+    assert [row.value for row in rows] == [0.0, 0.0] * len(names)
+
+
+@pytest.mark.slow
+def test_a_term_that_does_something_is_found_by_its_instructions():
+    normal, identity = (absence.count(Build("dam_break", DX, "", n)) for n in ((), ("xsph",)))
+    assert identity.whole < normal.whole
+    assert identity.loop < normal.loop

@@ -4,7 +4,7 @@ import pytest
 from sph_gym.solver import stepping
 from sph_gym.studies import environments, throughput
 
-PLAN = environments.Plan(n_envs=2, skipped=2, steps=3, rounds=2)
+PLAN = environments.EnvironmentPlan(n_envs=2, skipped=2, steps=3, rounds=2)
 
 
 @pytest.fixture(scope="module")

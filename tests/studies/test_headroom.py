@@ -7,15 +7,15 @@ import pytest
 from sph_gym import studies
 from sph_gym.env.oracle import COARSE
 from sph_gym.studies import headroom
-from sph_gym.studies.episodes import Episode, Grid, best_static, kept, run
+from sph_gym.studies.episodes import Score, StaticGrid, best_static, results, run
 from sph_gym.studies.table import Row
 
 INSTANCE = "colliding_patches/val/3"
-GRID = Grid(sound=(0.4, 0.6), xsph=(0.3,), substeps=12)
+GRID = StaticGrid(sound=(0.4, 0.6), xsph=(0.3,), substeps=12)
 
 
 def episode(substeps=100, reward=0.5, beyond=0.0):
-    return Episode(substeps, reward, 0.5, beyond, False)
+    return Score(substeps, reward, 0.5, beyond, False)
 
 
 def contest(static=300, oracle=100, beyond=0.0, frozen=(), second=()):
@@ -82,7 +82,7 @@ def test_the_summary_counts_scenes_that_are_games():
 def test_where_nothing_can_be_compared_nothing_is_gained():
     half = [contest(200), contest(beyond=1.0)]
     assert headroom.headroom(half) == pytest.approx(2.0)
-    assert headroom.poorest(half) == pytest.approx(2**0.5)
+    assert headroom.least_headroom(half) == pytest.approx(2**0.5)
     found = dict.fromkeys(headroom.SCENES, half)
     assert not next(headroom.summary(headroom.FULL, found)).holds
 
@@ -98,7 +98,7 @@ def test_the_best_static_setting_keeps_within_tolerance():
 
 
 def test_a_quick_study_is_kept_on_disk(tmp_path, monkeypatch):
-    plan = headroom.Plan(("colliding_patches",), 1, 0, COARSE, GRID)
+    plan = headroom.HeadroomPlan(("colliding_patches",), 1, 0, COARSE, GRID)
     monkeypatch.setattr(headroom, "QUICK", plan)
     first = list(headroom.measure(True, tmp_path))
     monkeypatch.setattr(headroom, "run", lambda *arguments: pytest.fail("played twice"))
@@ -117,10 +117,11 @@ def test_a_quick_study_is_kept_on_disk(tmp_path, monkeypatch):
     assert [one["within"] for one in told[1:]] == ["True", "True"]
 
 
-def test_what_is_kept_belongs_to_its_key(tmp_path):
-    assert kept(tmp_path, ["a", 1], lambda: 1.5) == 1.5
-    assert kept(tmp_path, ["a", 1], lambda: pytest.fail("computed twice")) == 1.5
-    assert kept(tmp_path, ["a", 2], lambda: [2, None]) == [2, None]
+def test_episodes_are_kept_by_their_key(tmp_path):
+    store = results(tmp_path)
+    assert store.get(["a", 1], lambda: 1.5) == 1.5
+    assert store.get(["a", 1], lambda: pytest.fail("computed twice")) == 1.5
+    assert store.get(["a", 2], lambda: [2, None]) == [2, None]
 
 
 def test_a_frozen_oracle_is_no_worse_than_the_static_setting():
@@ -158,7 +159,7 @@ def test_where_all_can_be_compared_there_is_nothing_else_to_say():
 
 
 def test_errors_are_shown_beside_the_work():
-    off = contest()._replace(oracle=Episode(100, 0.8, 0.9, 0.0, False))
+    off = contest()._replace(oracle=Score(100, 0.8, 0.9, 0.0, False))
     found = table("dam_break", [contest(), off])
     assert found["error, oracle"].value == pytest.approx(0.7)
     assert found["error, best static"].value == pytest.approx(0.5)

@@ -1,16 +1,18 @@
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sph_gym.studies import compilation, throughput
+from sph_gym.studies import compilation, peer_solvers, throughput
+from sph_gym.studies.peers import SCRIPT as SCRIPT_NAME
 from sph_gym.studies.peers import PeerError, Peers, compare, parse
 from sph_gym.studies.phases import PHASES
 from sph_gym.studies.picture import curves
 from sph_gym.studies.table import Row
 from sph_gym.studies.timing import Runner, in_turns, pinned, same_home
 
-PLAN = throughput.Plan(
+PLAN = throughput.ThroughputPlan(
     sizes=(200, 300), rounds=1, peer_rounds=1, batch=3, batch_size=100, reference=300, work=3000
 )
 
@@ -37,9 +39,9 @@ def test_throughput_by_threads():
     assert all(np.isfinite(row.value) and row.value > 0 for row in rows)
     [neighbors] = [row for row in rows if row.quantity == "mean neighbours"]
     assert 12 < neighbors.value < 24
-    [label, dtype, _, points] = next(iter(curves(rows)))
-    assert (label, dtype) == ("float64, 1 thread", "float64")
-    assert points == [(300, rows[0].value)]
+    curve = next(iter(curves(rows)))
+    assert (curve.label, curve.dtype) == ("float64, 1 thread", "float64")
+    assert curve.points == [(300, rows[0].value)]
 
 
 def test_sizes_and_phases():
@@ -58,7 +60,7 @@ def test_many_small_fluids():
 
 def test_every_part_has_a_title():
     peers = Peers(None)
-    titles = [title for title, _ in throughput.tasks(throughput.FULL, peers)]
+    titles = [title for title, _ in throughput.parts(throughput.FULL, peers)]
     assert len(set(titles)) == len(titles)
     assert "100000, float32, 1 thread" in titles
 
@@ -74,6 +76,14 @@ def test_a_plot_is_drawn(tmp_path):
     assert len(list(curves(rows))) == 5
     throughput.finish(rows, tmp_path / "throughput.png")
     assert (tmp_path / "throughput.png").stat().st_size > 10_000
+
+
+def test_the_package_has_a_peer_of_its_own():
+    path = Path(peer_solvers.__file__).with_name(SCRIPT_NAME)
+    assert "RES" in path.read_text()
+    assert len(throughput.parts(throughput.QUICK, Peers(path.parent))) > len(
+        throughput.parts(throughput.QUICK)
+    )
 
 
 def test_a_peer_is_raced(tmp_path):

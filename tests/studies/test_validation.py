@@ -1,6 +1,5 @@
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -90,23 +89,29 @@ def test_quick_is_the_coarsest(planted, tmp_path):
     assert planted == [0.08]
 
 
-def test_other_sources_or_arguments_are_another_run(planted, tmp_path, monkeypatch):
-    key = validation._key("relaxation", {"dx": 0.08})
-    assert validation._key("relaxation", {"dx": 0.05}) != key
-    monkeypatch.setattr(validation, "_sources", lambda: b"edited")
-    assert validation._key("relaxation", {"dx": 0.08}) != key
+def test_other_sources_arguments_or_numpy_are_another_run(tmp_path, monkeypatch):
+    def path(arguments=(0.08,)):
+        return validation.results(tmp_path).path(validation.run_key("relaxation", arguments))
 
-
-def test_another_compiler_numpy_or_study_is_another_run(monkeypatch):
-    key = validation._key("relaxation", {})
-    with monkeypatch.context() as patch:
-        patch.setattr(validation, "source_hash", lambda: "another numba")
-        assert validation._key("relaxation", {}) != key
+    paths = {path(), path((0.05,))}
+    assert path() in paths
     with monkeypatch.context() as patch:
         patch.setattr(np, "__version__", "9.9")
-        assert validation._key("relaxation", {}) != key
-    assert validation._key("relaxation", {}) == key
-    assert Path(validation.__file__).read_bytes() in validation._sources()
+        paths.add(path())
+    with monkeypatch.context() as patch:
+        patch.setattr("sph_gym.studies.results.source_hash", lambda *places: "edited")
+        paths.add(path())
+    with monkeypatch.context() as patch:
+        patch.setattr("sph_gym.solver.jit.source_hash", lambda: "another compiler")
+        paths.add(path())
+    assert len(paths) == 5
+
+
+def test_a_run_depends_on_solver_scenes_and_study(tmp_path, monkeypatch):
+    seen = []
+    monkeypatch.setattr("sph_gym.studies.results.source_hash", lambda *places: seen.extend(places))
+    validation.results(tmp_path)
+    assert seen == ["solver", "scenes", "studies/validation.py"]
 
 
 def test_a_part_of_the_study_leaves_the_files_of_the_whole_alone(planted, tmp_path, monkeypatch):
@@ -129,7 +134,7 @@ def test_a_part_of_the_study_leaves_the_files_of_the_whole_alone(planted, tmp_pa
 
 def result(curves, **arguments):
     chart = Chart("x", "y", curves)
-    return validation.Result("planted", arguments, arguments["dx"], [], chart, 1.0, 1)
+    return validation.Validated("planted", arguments, arguments["dx"], [], chart, 1.0, 1)
 
 
 def test_every_reference_is_drawn_once():

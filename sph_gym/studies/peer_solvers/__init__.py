@@ -1,0 +1,1 @@
+"""Solvers by others, as scripts that `study throughput --peers` runs side by side with this one."""

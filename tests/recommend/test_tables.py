@@ -69,10 +69,36 @@ def cheap_rows(scene):
     return [pytest.param(found, sample, id=f"{scene} {name}") for name, sample in kinds.items()]
 
 
-@pytest.mark.parametrize(("found", "kept"), [row for name in shipped() for row in cheap_rows(name)])
+# Flows that amplify round-off, which differs between processors: on two kinds of them, errors
+# differed by up to 1 %, compressions by up to 4 % and speeds by up to 9 %. All others agreed in the
+# six digits that the tables hold.
+CHAOTIC = {
+    "dam_break float64",
+    "dam_break float32",
+    "elliptical_drop float32",
+    "lid_driven_cavity float64",
+    "lid_driven_cavity float32",
+    "oscillating_drop float32",
+    "rotating_square float32",
+    "taylor_green float32",
+}
+# One for each kernel, integrator and precision in `make test`: each compiles the solver again.
+QUICK = {"couette float64", "elliptical_drop float64", "lid_driven_cavity float32"}
+
+
+def rows():
+    """Return the cheap rows of all scenes, most of them marked as slow."""
+    found = [row for name in shipped() for row in cheap_rows(name)]
+    slow = [pytest.param(*row.values, id=row.id, marks=pytest.mark.slow) for row in found]
+    return [quick if quick.id in QUICK else late for quick, late in zip(found, slow, strict=True)]
+
+
+@pytest.mark.parametrize(("found", "kept"), rows())
 def test_what_is_shipped_is_what_the_solver_gives(found, kept):
-    """To all digits that are printed."""
     outcome = execute(found, kept.setting)
     now = (outcome.error, outcome.compression, outcome.mach)
     then = (kept.error, kept.compression, kept.mach)
-    assert [f"{number:.6g}" for number in now] == [f"{number:.6g}" for number in then]
+    if f"{found.scene} {kept.setting.dtype}" in CHAOTIC:
+        assert now == pytest.approx(then, rel=0.1)
+    else:
+        assert [f"{number:.6g}" for number in now] == [f"{number:.6g}" for number in then]

@@ -80,7 +80,6 @@ CHAOTIC = {
     "lid_driven_cavity float32",
     "oscillating_drop float32",
     "rotating_square float32",
-    "taylor_green float32",
 }
 # One for each kernel, integrator and precision in `make test`: each compiles the solver again.
 QUICK = {"couette float64", "elliptical_drop float64", "lid_driven_cavity float32"}

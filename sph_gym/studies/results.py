@@ -77,5 +77,19 @@ class Results:
             raise OSError(error.errno, reason, str(self.folder)) from None
 
 
+def is_record(kind: Any) -> Callable[[Any], bool]:
+    """Return a check of whether stored JSON is the fields of `kind`, a NamedTuple, as a list."""
+    # JSON writes some floats as whole numbers, and takes True for a number of neither kind
+    legal: dict[Any, set[Any]] = {float: {int, float}}
+    types = [legal.get(own, {own}) for own in kind.__annotations__.values()]
+
+    def fits(result: Any) -> bool:
+        if not isinstance(result, list) or len(result) != len(types):
+            return False
+        return all(type(item) in own for item, own in zip(result, types, strict=True))
+
+    return fits
+
+
 def _as_json(value: Any) -> Any:
     return json.loads(json.dumps(value))

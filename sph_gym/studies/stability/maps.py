@@ -5,7 +5,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,22 +14,22 @@ from sph_gym.solver import stepping, teams
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
-from sph_gym.studies import store
+from sph_gym.studies.results import Results, is_record
 from sph_gym.studies.table import Row
 
-# A run is judged by its mean compression, as the environments do.
+# Mean compression that a run is judged by, as the environments do.
 TOLERANCE = 0.01
 # Energy from nowhere, as a share of what is at stake, beyond which a run counts as blown up; it is
 # followed to its end, and for so many frames at least, and if the solver never reports it, that is
 # given as its cause.
-EXCESS, FOLLOWED, UNTOLD = 0.5, 20, "untold"
+EXCESS, FOLLOWED, UNREPORTED = 0.5, 20, "unreported"
 SILENT = "runs that failed in silence"
 # How finely the limit of a column is found: this often the ratio of two steps is halved.
 HALVINGS = 3
 
 
-class Grid(NamedTuple):
-    """dt in multiples of 0.4 h / c0, sound speeds in multiples of c0, epsilons.
+class MapGrid(NamedTuple):
+    """Steps in multiples of 0.4 h / c0, sound speeds in multiples of c0, epsilons.
 
     share: of the scene's duration that is run.
     """
@@ -41,14 +40,14 @@ class Grid(NamedTuple):
     share: float = 1.0
 
 
-FULL = Grid()
-QUICK = Grid((0.5, 2.0, 8.0), (0.2, 1.0), (0.3,), 0.1)
+FULL = MapGrid()
+QUICK = MapGrid((0.5, 2.0, 8.0), (0.2, 1.0), (0.3,), 0.1)
 
 
-class Point(NamedTuple):
-    """What became of a run with constant controls.
+class MapPoint(NamedTuple):
+    """Numbers of a run with constant controls.
 
-    cause: of its blow-up, `UNTOLD` if the solver never reported it, or "" if there was none;
+    cause: of its blow-up, `UNREPORTED` if the solver never reported it, or "" if there was none;
     density: mean over time of the mean compression; substeps: taken until the end or the blow-up;
     acceleration: the largest [m/s^2]; pairs: in all substeps taken, the mean over the particles
     of the neighbours that each had to do with.
@@ -61,7 +60,7 @@ class Point(NamedTuple):
     pairs: float
 
 
-class Map(NamedTuple):
+class StabilityMap(NamedTuple):
     """The runs of a scene by index of epsilon, sound speed and dt, and what they lead to.
 
     limits: (n_xsph, n_sound) largest stable steps [s]; nan where none is. acceleration: (n_sound,)
@@ -69,18 +68,19 @@ class Map(NamedTuple):
     """
 
     scene: Scene
-    grid: Grid
-    points: dict[tuple[int, int, int], Point]
+    grid: MapGrid
+    points: dict[tuple[int, int, int], MapPoint]
     limits: Any
     acceleration: Any
-    own: Point
+    own: MapPoint
 
-    def dt(self, k: int) -> float:
-        """Step [s] number k."""
-        return self.grid.dt[k] * unit(self.scene)
+    @property
+    def steps(self) -> list[float]:
+        """The time steps [s]."""
+        return [dt * unit(self.scene) for dt in self.grid.dt]
 
     def rule(self, k: int) -> dict[str, float]:
-        """The article's three limits [s] at sound speed number k; inf where there is none."""
+        """Return the article's three limits [s] at sound speed number k; inf where none is."""
         scene, a = self.scene, float(self.acceleration[k])
         c, nu = self.grid.sound[k] * scene.fluid.c0, scene.effects.laminar_viscosity
         return {
@@ -91,17 +91,17 @@ class Map(NamedTuple):
 
 
 def unit(scene: Scene) -> float:
-    """The article's acoustic step [s] at the nominal stiffness."""
+    """Return the article's acoustic step [s] at the nominal stiffness."""
     return stepping.COURANT * scene.h / scene.fluid.c0
 
 
 def nominal(name: str) -> Scene:
-    """The scene of an environment as it is."""
+    """Return the scene of an environment as it is."""
     return instances.instance(name, "nominal", 0).build()
 
 
-def run(scene: Scene, dt: float, sound: float, xsph: float, share: float) -> Point:
-    """A run with dt [s], sound speed `sound` c0 and epsilon over a share of the duration."""
+def run(scene: Scene, dt: float, sound: float, xsph: float, share: float) -> MapPoint:
+    """Run with dt [s], sound speed `sound` c0 and epsilon over a share of the duration."""
     sim = Simulation(scene, threads=1)
     sim.controls = Controls(dt, scene.fluid.stiffness(sound * scene.fluid.c0), xsph)
     # a frame, but never less than a step, which would be cut
@@ -114,26 +114,39 @@ def run(scene: Scene, dt: float, sound: float, xsph: float, share: float) -> Poi
         substeps += report.n_substeps
         pairs += report.n_substeps * numbers["mean_neighbors"]
         if report.diverged:
-            return Point(report.cause, math.nan, substeps, fastest, pairs)
+            return MapPoint(report.cause, math.nan, substeps, fastest, pairs)
         if not blown and not numbers["energy_excess"] <= EXCESS:
             # nothing to build upon, though the tripwire may have room for more
             blown, end = True, max(end, sim.time + FOLLOWED * seconds)
         looks.append(numbers["density_error"])
         fastest = max(fastest, numbers["max_acceleration"])
     if blown:
-        return Point(UNTOLD, math.nan, substeps, fastest, pairs)
-    return Point("", float(np.mean(looks)), substeps, fastest, pairs)
+        return MapPoint(UNREPORTED, math.nan, substeps, fastest, pairs)
+    return MapPoint("", float(np.mean(looks)), substeps, fastest, pairs)
 
 
-def survey(name: str, grid: Grid, folder: Path, look: Callable[[], Any] = lambda: None) -> Map:
-    """All runs of a scene, on all processors; finished ones are kept in the folder.
+# dt [unit], sound speed [c0], epsilon -> point
+Play = Callable[[float, float, float], MapPoint]
+
+
+def survey(
+    name: str, grid: MapGrid, results: Results, look: Callable[[], Any] = lambda: None
+) -> StabilityMap:
+    """Run a scene with all controls of the grid, on all processors.
 
     look: called after every run.
     """
     scene = nominal(name)
+
+    def play(dt: float, sound: float, xsph: float) -> MapPoint:
+        compute = partial(run, scene, dt * unit(scene), sound, xsph, grid.share)
+        key = [name, dt, sound, xsph, grid.share]
+        found = results.get(key, compute, is_record(MapPoint))
+        look()
+        return MapPoint(*found)
+
     columns = list(itertools.product(range(len(grid.xsph)), range(len(grid.sound))))
-    play = partial(_kept, name, scene, grid, folder, look)
-    points: dict[tuple[int, int, int], Point] = {}
+    points: dict[tuple[int, int, int], MapPoint] = {}
     limits = np.full((len(grid.xsph), len(grid.sound)), math.nan)
     # compiled loops let go of the interpreter; the first run compiles
     play(grid.dt[-1], grid.sound[0], grid.xsph[0])
@@ -145,26 +158,11 @@ def survey(name: str, grid: Grid, folder: Path, look: Callable[[], Any] = lambda
     usual = Simulation(scene, threads=1)
     sound = usual.sound_speed / scene.fluid.c0
     own = play(usual.controls.dt / unit(scene), sound, usual.controls.xsph)
-    return Map(scene, grid, points, limits, _accelerations(grid, points), own)
+    return StabilityMap(scene, grid, points, limits, _accelerations(grid, points), own)
 
 
-Play = Callable[[float, float, float], Point]
-
-
-def _kept(
-    name: str, scene: Scene, grid: Grid, folder: Path, look: Callable[[], Any],
-    dt: float, sound: float, xsph: float,
-) -> Point:  # fmt: skip
-    key = [name, dt, sound, xsph, grid.share]
-    path = folder / store.name(key, Path(__file__))
-    compute = partial(run, scene, dt * unit(scene), sound, xsph, grid.share)
-    found = store.kept(path, key, compute, store.is_record(Point))
-    look()
-    return Point(*found)
-
-
-def _column(grid: Grid, play: Play, i: int, j: int) -> tuple[list[Point], float]:
-    """The points of an epsilon and a sound speed, and the largest stable step [unit]."""
+def _column(grid: MapGrid, play: Play, i: int, j: int) -> tuple[list[MapPoint], float]:
+    """Return the points of an epsilon and a sound speed, and the largest stable step [unit]."""
     sound, xsph = grid.sound[j], grid.xsph[i]
     points = [play(dt, sound, xsph) for dt in grid.dt]
     bad = next((k for k, point in enumerate(points) if point.cause), len(points))
@@ -180,7 +178,7 @@ def _column(grid: Grid, play: Play, i: int, j: int) -> tuple[list[Point], float]
     return points, low
 
 
-def _accelerations(grid: Grid, points: dict[tuple[int, int, int], Point]) -> Any:
+def _accelerations(grid: MapGrid, points: dict[tuple[int, int, int], MapPoint]) -> Any:
     largest = np.zeros(len(grid.sound))
     for j in range(len(grid.sound)):
         fine = [points[i, j, 0] for i in range(len(grid.xsph))]
@@ -188,15 +186,15 @@ def _accelerations(grid: Grid, points: dict[tuple[int, int, int], Point]) -> Any
     return largest
 
 
-def n_runs(grid: Grid) -> int:
-    """At most so many runs a scene."""
+def n_runs(grid: MapGrid) -> int:
+    """Return the most runs that a scene takes."""
     columns = len(grid.xsph) * len(grid.sound)
     # before them one that compiles, after them the scene as it comes
     return columns * (len(grid.dt) + HALVINGS) + 2
 
 
-def rows(name: str, found: Map) -> Iterator[Row]:
-    """The measured limit as a multiple of the article's rule; at least 1 where the rule holds."""
+def rows(name: str, found: StabilityMap) -> Iterator[Row]:
+    """Yield the measured limits as multiples of the article's rule: at least 1 where it holds."""
     grid = found.grid
     rules = np.array([min(found.rule(j).values()) for j in range(len(grid.sound))])
     for i, xsph in enumerate(grid.xsph):
@@ -204,15 +202,15 @@ def rows(name: str, found: Map) -> Iterator[Row]:
         for j, sound in enumerate(grid.sound):
             case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
             yield Row("limit / article's rule", case, float(multiples[j]), "", 1.0, at_least=True)
-    blown = sum(bool(point.cause) for point in found.points.values())
-    yield Row("runs that blew up", name, float(blown), f"of {len(found.points)}")
-    silent = sum(point.cause == UNTOLD for point in found.points.values())
-    yield Row(SILENT, name, float(silent), f"of {len(found.points)}", 0.0)
+    causes = [point.cause for point in found.points.values()]
+    total, n_blown = len(causes), len(causes) - causes.count("")
+    yield Row("runs that blew up", name, float(n_blown), f"of {total}")
+    yield Row(SILENT, name, float(causes.count(UNREPORTED)), f"of {total}", 0.0)
     yield Row("nominal step / limit", name, _margin(found), "", 1.0)
 
 
-def _margin(found: Map) -> float:
-    """The scene's own step as a share of the limit nearest to its stiffness and epsilon."""
+def _margin(found: StabilityMap) -> float:
+    """Return the scene's own step as a share of the limit nearest to its stiffness and epsilon."""
     grid, scene = found.grid, found.scene
     sim = Simulation(scene, threads=1)
     j = _nearest(grid.sound, sim.sound_speed / scene.fluid.c0)

@@ -10,6 +10,7 @@ settings.load_profile("suite")
 
 
 def pytest_configure(config):
+    config.addinivalue_line("markers", "slow: minutes of work, left to `make test-all`")
     config.addinivalue_line("markers", "without_jit: runs a second time with NUMBA_DISABLE_JIT=1")
 
 

@@ -12,7 +12,7 @@ from sph_gym import scenes
 from sph_gym.env import SCENES, env_id, rewards, scene_of
 from sph_gym.env.episode import INFO
 from sph_gym.env.reference import fingerprint
-from sph_gym.studies import witness
+from sph_gym.studies import contract
 
 IDS = [env_id(scene) for scene in SCENES]
 FLOATS = [name for name, (unit, _) in INFO.items() if unit != "text"]
@@ -388,7 +388,7 @@ def test_what_is_wrong_in_a_state_is_named_and_nothing_changes(env, part, value)
     blamed = {"step": "step|past", "simulation": "snapshot|simulation|step", "info": "info|inst"}
     with pytest.raises(ValueError, match=f"state: .*({blamed.get(part, part)})"):
         env.set_state({**state, "episode": wrong})
-    assert witness.same(env.get_state(), before)
+    assert contract.same(env.get_state(), before)
 
 
 @pytest.mark.parametrize(
@@ -408,7 +408,7 @@ def test_states_of_environments_with_other_rules_are_refused(env, other):
         before = two.get_state()
         with pytest.raises(ValueError, match=f"state: of an environment with {name} = "):
             two.set_state(one.get_state())
-        assert witness.same(two.get_state(), before)
+        assert contract.same(two.get_state(), before)
 
 
 def test_a_state_is_made_of_plain_arrays_numbers_and_texts(env):
@@ -438,7 +438,7 @@ def test_every_state_of_an_episode_can_be_taken_back(on_blowup):
         blowups += info["blowup"]
         state = made.get_state()
         made.set_state(state)
-        assert witness.same(made.get_state(), state)
+        assert contract.same(made.get_state(), state)
     assert blowups == (4 if on_blowup == "rollback" else 1)
 
 

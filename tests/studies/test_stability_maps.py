@@ -40,9 +40,10 @@ def test_limits_are_found_to_a_tenth(tmp_path, played):
         exact = 0.9 * scene.h / (GRID.sound[j] * scene.fluid.c0)
         assert 0.9 * exact < found.limits[i, j] <= exact
     assert math.isnan(found.limits[1, 1])
-    assert found.rule(1)["CFL"] == pytest.approx(0.4 * scene.h / scene.fluid.c0)
-    assert found.rule(1)["force"] == pytest.approx(0.25 * math.sqrt(scene.h / 5.0))
-    assert math.isfinite(found.rule(1)["viscous"])
+    rules = found.rules()
+    assert rules["CFL"][1] == pytest.approx(0.4 * scene.h / scene.fluid.c0)
+    assert rules["force"][1] == pytest.approx(0.25 * math.sqrt(scene.h / 5.0))
+    assert np.isfinite(rules["viscous"]).all()
     assert len(played) <= maps.n_runs(GRID)
 
 
@@ -81,13 +82,13 @@ def test_a_picture_shows_every_epsilon(tmp_path, played):
 
 def test_work_is_measured_and_its_scale_is_that_of_the_map(tmp_path, played):
     found = survey(tmp_path)
-    assert np.isnan(figures._work(found, 0)).all()
+    assert np.isnan(figures._work(found)[0]).all()
     found = found._replace(own=found.own._replace(cause=""))
     usual = Simulation(found.scene).controls.dt
-    work = figures._work(found, 0)
-    assert work[1, 0] == pytest.approx(usual / found.steps[1])
+    work = figures._work(found)[0]
+    assert work[0, 1] == pytest.approx(usual / found.steps[1])
     assert np.isnan(work[-1, -1])
-    low, high = figures._work_range(found)
+    low, high = figures._range(work)
     assert (low, high) == (min(0.5, np.nanmin(work)), max(2.0, np.nanmax(work)))
 
 
@@ -127,7 +128,7 @@ def test_a_legend_lists_what_is_there(tmp_path, played):
     assert not any("stiffness" in text or "beyond" in text for text in texts)
     assert "viscous limit of the article" in texts
     effects = dataclasses.replace(found.scene.effects, laminar_viscosity=None)
-    points = {at: point._replace(cause="") for at, point in found.points.items()}
+    points = [[[p._replace(cause="") for p in row] for row in one] for one in found.points]
     calm = found._replace(scene=dataclasses.replace(found.scene, effects=effects), points=points)
     texts = [handle.get_label() for handle in figures._handles(calm)]
     assert not any("viscous" in text or "blew" in text for text in texts)

@@ -19,7 +19,7 @@ from sph_gym.studies.stability.case import VARIANTS, Case
 from sph_gym.studies.table import Row
 
 FOLDER = Path("runs/studies")
-_CATALOGUE = ("bodies", "case", "checks", "comparisons", "jets", "runs", "tanks")
+_CATALOGUE = ("bodies", "case", "checks", "comparisons", "events", "jets", "runs", "tanks")
 # Variants of the quick version, and the one scene that it maps.
 QUICK_VARIANTS, QUICK_SCENES = VARIANTS[:3], ("relaxation",)
 

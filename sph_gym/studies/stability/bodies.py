@@ -11,8 +11,9 @@ from sph_gym import scenes
 from sph_gym.solver.geometry import disc, lattice
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.walls import Walls
-from sph_gym.studies.stability.case import Case, grew, hard_case, moved, rotated, straight, turned
+from sph_gym.studies.stability.case import Case, hard_case
 from sph_gym.studies.stability.checks import LONELY, ROUND_OFF
+from sph_gym.studies.stability.events import grew, moved, rotated, straight, turned
 
 C0 = 10.0
 SIDE, CELL = 12, 20
@@ -32,6 +33,9 @@ ROUNDED = 0.05
 STRAIGHT = 0.99
 # Substeps at the acoustic limit that make a frame.
 FRAME = 8
+
+# A body in empty space, whose momentum stays.
+body = partial(hard_case, dx=DX, drift=ROUND_OFF)
 
 
 def free(x: Any, dx: float, v: Any = None, h: float = 2.6, **settings: Any) -> Scene:
@@ -94,11 +98,6 @@ def overlapping(dx: float) -> Scene:
     return free(np.concatenate([disc(0.0, 0.0, radius, dx), second]), dx)
 
 
-def clumped(dx: float) -> Scene:
-    """Return four times as many particles as there is room for."""
-    return free(0.5 * jittered(dx), dx)
-
-
 def density_jump(dx: float) -> Scene:
     """Return a square of which one half is ten times as dense as the other."""
     dense = jittered(dx) / np.sqrt(10)
@@ -108,33 +107,24 @@ def density_jump(dx: float) -> Scene:
 
 def squeezed() -> Iterator[Case]:
     """Yield cases that begin squeezed, of which nothing may be left after a frame."""
-    body = partial(hard_case, dx=DX, drift=ROUND_OFF, quick=30)
+    start = partial(body, quick=30)
     # a step of first order, and XSPH, err by some per cent of the energy of the explosion
-    burst = partial(body, burst=PARTED, excess=0.15)
+    burst = partial(start, burst=PARTED, excess=0.15)
     yield burst("two coincident particles", partial(coincident, n=2), moved(1.0, 0.3))
     yield burst("three coincident particles", partial(coincident, n=3), moved(1.0, 0.3))
     # pushed off one after the other: 1.6 % after the first frame
-    yield body("a coincident row", coincident_row, grew(5.0, 1.0), burst=0.03)
-    scattered = partial(body, event=grew(10.0, 3.0), burst=PARTED)
+    yield start("a coincident row", coincident_row, grew(5.0, 1.0), burst=0.03)
+    scattered = partial(start, event=grew(10.0, 3.0), burst=PARTED)
     yield scattered("random places", random_places, unmatched={"excess": 0.45})
     yield scattered("overlapping bodies", overlapping)
     exploded = partial(burst, event=grew(100.0, 30.0))
-    yield exploded("clumped start", clumped)
+    # four times as many particles as there is room for
+    yield exploded("clumped start", lambda dx: free(0.5 * jittered(dx), dx))
     # three frames are enough to fly 300 times as far as it was wide
     yield exploded("density jump of 10", density_jump, quick=3, unmatched={"excess": 0.28})
 
 
 # --- Particles with no neighbour, or one ----------------------------------------------------
-
-
-def one(dx: float) -> Scene:
-    """Return a single particle that moves."""
-    return free([(0.3, 0.4)], dx, v=[(1.0, -0.5)])
-
-
-def two(dx: float) -> Scene:
-    """Return two particles half a spacing apart that fly towards each other."""
-    return free([(0.0, 0.0), (dx / 2, 0.0)], dx, v=[(1.0, 0.0), (-1.0, 0.0)])
 
 
 def lonely(dx: float) -> Scene:
@@ -147,12 +137,16 @@ def lonely(dx: float) -> Scene:
 
 def loose() -> Iterator[Case]:
     """Yield cases of particles that have no neighbour, or one."""
-    loner = partial(hard_case, dx=DX, drift=ROUND_OFF, density=NONE, p99=NONE, quick=30)
+    loner = partial(body, density=NONE, p99=NONE, quick=30)
     # to what rounding in float32 leaves of it
     alone = partial(loner, event=straight(STRAIGHT, STRAIGHT), highest=2 - LONELY)
-    yield alone("one particle", one)
+    yield alone("one particle", lambda dx: free([(0.3, 0.4)], dx, v=[(1.0, -0.5)]))
     # they brake each other; the article's kernels leave them at rest, half a spacing apart
-    yield loner("two particles", two, moved(0.05, 0.05))
+    yield loner(
+        "two particles",
+        lambda dx: free([(0.0, 0.0), (dx / 2, 0.0)], dx, v=[(1.0, 0.0), (-1.0, 0.0)]),
+        moved(0.05, 0.05),
+    )
     yield alone("no neighbours at all", lonely)
 
 
@@ -171,8 +165,7 @@ def wide(dx: float, h: float, shifting: float | None = None) -> Scene:
 def endless() -> Iterator[Case]:
     """Yield disorder in a periodic fluid, by the number of neighbours; it settles or it clumps."""
     case = partial(
-        hard_case, event=moved(0.08, 0.08), dx=DX, drift=ROUND_OFF, quick=60, left=0.8,
-        clumping=PAIRED,
+        body, event=moved(0.08, 0.08), quick=60, left=0.8, clumping=PAIRED
     )  # fmt: skip
     yield case("h/dx = 1.5", partial(wide, h=1.5))
     yield case("h/dx = 2", partial(wide, h=2.0))
@@ -226,19 +219,19 @@ def cases() -> Iterator[Case]:
     yield from squeezed()
     yield from loose()
     yield from endless()
-    body = partial(hard_case, dx=DX, drift=ROUND_OFF, quick=40)
+    longer = partial(body, quick=40)
     # under tension particles clump, the densest hundredth by 10 %, of which kernels that are no
     # pair make energy
-    yield body(
+    yield longer(
         "stretched sheet", stretched, grew(0.2, 0.2), p99=0.12, left=0.9, unmatched={"rise": 0.5}
     )
-    turns = partial(body, dx=0.05, kernel="cubic_spline")
+    turns = partial(longer, dx=0.05, kernel="cubic_spline")
     tense, clamped = (partial(rotating, clamp=clamp) for clamp in (False, True))
     yield turns("rotating square, under tension", tense, rotated(0.8, 0.3), left=0.9)
     # nothing holds it together
     yield turns("rotating square, clamped", clamped, rotated(0.7, 0.3), density=NONE, p99=NONE)
     # a body that is stopped from v is compressed by v / c, as in a water hammer: here a tenth
-    meet = partial(body, event=turned(0.7, 0.7), gain=0.1)
+    meet = partial(longer, event=turned(0.7, 0.7), gain=0.1)
     together = meet("colliding patches", patches)
     yield together
     yield meet(

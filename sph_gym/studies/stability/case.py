@@ -1,19 +1,15 @@
 """Hard cases: a start, the controls of every frame, an event that must happen, and bounds."""
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from sph_gym.scenes import hydrostatic_tank
 from sph_gym.solver.kernels import MATCHED
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.studies.stability.checks import BY_NAME, Bound
+from sph_gym.studies.stability.events import Event
 
 # --- Controls -------------------------------------------------------------------------------
 
@@ -51,88 +47,6 @@ def stiff_at_once(sim: Simulation, frame: int, factor: float) -> Controls:
 def switching(*steers: Steer) -> Steer:
     """Take one steer after the other, another one in every frame."""
     return lambda sim, frame: steers[frame % len(steers)](sim, frame)
-
-
-# --- Events ---------------------------------------------------------------------------------
-
-
-class Event(NamedTuple):
-    """Something that must have happened, so that no case passes by standing still.
-
-    title, unit: of its row; measure: of a simulation at the start and of the one that has run;
-    full, quick: the least of it by the end of the whole run and of the quick one.
-    """
-
-    title: str
-    unit: str
-    measure: Callable[[Simulation, Simulation], float]
-    full: float
-    quick: float
-
-
-def _state(sim: Simulation) -> tuple[Any, Any]:
-    """Return positions and velocities (n, 2) [m, m/s] of the fluid in double precision."""
-    n = sim.n_fluid
-    return sim.x[:n].astype(np.float64), sim.v[:n].astype(np.float64)
-
-
-def _path(start: Simulation, sim: Simulation) -> float:
-    (before, _), (after, _) = _state(start), _state(sim)
-    return float(np.hypot(*(after - before).T).mean()) / sim.scene.dx
-
-
-def _straightness(start: Simulation, sim: Simulation) -> float:
-    (x, v), (after, _) = _state(start), _state(sim)
-    # where no force acts, in the time that has passed or, if none has, would have to
-    path = v * (sim.time or sim.scene.frame)
-    off = np.hypot(*(after - x - path).T)
-    return 1.0 - float(off.max() / np.hypot(*path.T).mean())
-
-
-def _growth(start: Simulation, sim: Simulation) -> float:
-    both = (each.diagnostics() for each in (start, sim))
-    before, after = (math.hypot(each["extent_x"], each["extent_y"]) for each in both)
-    return after / before - 1.0
-
-
-def _turn(start: Simulation, sim: Simulation) -> float:
-    (_, before), (_, after) = _state(start), _state(sim)
-    return float(np.hypot(*(after - before).T).mean())
-
-
-def _angle(start: Simulation, sim: Simulation) -> float:
-    (before, _), (after, _) = _state(start), _state(sim)
-    one, other = (x - x.mean(axis=0) for x in (before, after))
-    # of complex numbers: the one conjugated, times the other
-    cross = (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum()
-    return abs(math.atan2(float(cross), float((one * other).sum())))
-
-
-def _gain(name: str, start: Simulation, sim: Simulation) -> float:
-    return sim.diagnostics()[name] - start.diagnostics()[name]
-
-
-def _mean_speed(start: Simulation, sim: Simulation) -> float:
-    return float(np.hypot(*_state(sim)[1].T).mean())
-
-
-def _floor_pressure(start: Simulation, sim: Simulation) -> float:
-    return 1.0 + hydrostatic_tank.bottom_pressure_error(sim) if sim.time > 0 else 0.0
-
-
-# Take the bounds `full` and `quick`, and return the event.
-moved = partial(Event, "mean way of a particle", "dx", _path)
-straight = partial(Event, "straightness of the ways", "of them", _straightness)
-grew = partial(Event, "growth of the fluid's size", "the start's", _growth)
-turned = partial(Event, "mean change of velocity", "m/s", _turn)
-rotated = partial(Event, "angle turned", "rad", _angle)
-fell = partial(
-    Event, "fall of the centre of mass", "m", lambda start, sim: -_gain("com_y", start, sim)
-)
-rose = partial(Event, "rise of the centre of mass", "m", partial(_gain, "com_y"))
-ran = partial(Event, "way of the front", "m", partial(_gain, "front"))
-flowed = partial(Event, "mean speed", "m/s", _mean_speed)
-pressed = partial(Event, "pressure at the floor", "rho0 g H", _floor_pressure)
 
 
 # --- Cases ----------------------------------------------------------------------------------

@@ -46,21 +46,21 @@ def draw(name: str, found: StabilityMap, path: Path) -> Path:
     n = len(found.grid.xsph)
     figure = Figure(figsize=(3.6 * n + 2.6, 10.5), layout="constrained")
     frames = figure.subplots(3, n, squeeze=False, sharex=True, sharey=True)
-    density_scale, work_scale = LogNorm(0.01, 10.0), LogNorm(*_work_range(found))
+    work, percent = _work(found), 100 * found.values("density")
+    density_scale, work_scale = LogNorm(0.01, 10.0), LogNorm(*_range(work))
     for i, xsph in enumerate(found.grid.xsph):
         _draw_outcomes(frames[0, i], found, i)
-        percent = 100 * _values(found, i, "density")
-        density = _draw_numbers(frames[1, i], found, percent, density_scale, "viridis")
-        work = _draw_numbers(frames[2, i], found, _work(found, i), work_scale, "plasma")
+        shown = _draw_numbers(frames[1, i], found, percent[i], density_scale, "viridis")
+        worked = _draw_numbers(frames[2, i], found, work[i], work_scale, "plasma")
         for axes in frames[:, i]:
             _draw_limits(axes, found, i)
         frames[0, i].set_title(f"epsilon = {xsph:g}", fontsize=10)
         frames[2, i].set_xlabel("sound speed c / c0 [-]")
     for axes in frames[:, 0]:
         axes.set_ylabel("time step dt [s]")
-    figure.colorbar(density, ax=frames[1], label="mean density error [%]", extend="both")
+    figure.colorbar(shown, ax=frames[1], label="mean density error [%]", extend="both")
     figure.colorbar(
-        work, ax=frames[2], label="work: pairs / the scene's own [-]", format="%g",
+        worked, ax=frames[2], label="work: pairs / the scene's own [-]", format="%g",
         ticks=LogLocator(subs=(1, 2, 5)),
     ).minorticks_off()  # fmt: skip
     title = "runs with constant controls; stiffness = rho0 c² / gamma"
@@ -84,23 +84,14 @@ def _mesh(found: StabilityMap) -> tuple[Any, Any]:
     return _edges(found.grid.sound), _edges(found.steps)
 
 
-def _values(found: StabilityMap, i: int, field: str) -> Any:
-    """Return (n_dt, n_sound) values of an epsilon; nan where the run blew up."""
-    n_dt, n_sound = len(found.grid.dt), len(found.grid.sound)
-    points = [[found.points[i, j, k] for j in range(n_sound)] for k in range(n_dt)]
-    return np.array([[getattr(point, field) for point in row] for row in points])
-
-
-def _work(found: StabilityMap, i: int) -> Any:
-    """Return pairs of particles in all substeps, in multiples of the scene's own, or nan."""
-    causes, pairs = _values(found, i, "cause"), _values(found, i, "pairs")
+def _work(found: StabilityMap) -> Any:
+    """Return the pairs of particles in all substeps, in multiples of the scene's own, or nan."""
     own = np.nan if found.own.cause else found.own.pairs
-    return np.where(causes == "", pairs / own, np.nan)
+    return np.where(found.values("cause") == "", found.values("pairs") / own, np.nan)
 
 
-def _work_range(found: StabilityMap) -> tuple[float, float]:
+def _range(work: Any) -> tuple[float, float]:
     """Return the range of the work that there is, at least from half to twice the scene's own."""
-    work = np.array([_work(found, i) for i in range(len(found.grid.xsph))])
     seen = work[np.isfinite(work)]
     return min([0.5, *seen]), max([2.0, *seen])
 
@@ -113,14 +104,14 @@ def _outcome(cause: str, density: float) -> int:
 def _draw_outcomes(axes: Any, found: StabilityMap, i: int) -> None:
     from matplotlib.colors import ListedColormap
 
-    causes, density = _values(found, i, "cause"), _values(found, i, "density")
+    causes, density = found.values("cause")[i], found.values("density")[i]
     index = np.vectorize(_outcome, otypes=[int])(causes, density)
     axes.pcolormesh(
-        *_mesh(found), index, cmap=ListedColormap(COLOURS), vmin=-0.5, vmax=len(COLOURS) - 0.5,
+        *_mesh(found), index.T, cmap=ListedColormap(COLOURS), vmin=-0.5, vmax=len(COLOURS) - 0.5,
         edgecolors="white", linewidth=0.3,
     )  # fmt: skip
-    for k, j in np.argwhere(causes != ""):
-        colour, letter = CAUSES[causes[k, j]]
+    for j, k in np.argwhere(causes != ""):
+        colour, letter = CAUSES[causes[j, k]]
         # black on white, else white, at the left of the cell since limits run through its middle
         axes.text(
             found.grid.sound[j] * 0.87, found.steps[k], letter, fontsize=7, ha="center",
@@ -132,7 +123,7 @@ def _draw_numbers(axes: Any, found: StabilityMap, values: Any, scale: Any, colou
     # hatched, since no grey is in no colour map
     axes.set_facecolor("white")
     axes.patch.set(**HATCH, linewidth=0.0)
-    shown = np.ma.masked_invalid(np.maximum(values, 1e-6))
+    shown = np.ma.masked_invalid(np.maximum(values.T, 1e-6))
     return axes.pcolormesh(*_mesh(found), shown, norm=scale, cmap=colours)
 
 
@@ -145,10 +136,8 @@ def _line(name: str) -> dict[str, Any]:
 
 
 def _rules(found: StabilityMap) -> dict[str, Any]:
-    """Return those limits of the article that exist, (n_sound,) [s] each."""
-    rules = [found.rule(j) for j in range(len(found.grid.sound))]
-    limits = {name: np.array([rule[name] for rule in rules]) for name in LINES}
-    return {name: limit for name, limit in limits.items() if np.isfinite(limit).all()}
+    """Return those limits of the article that exist everywhere."""
+    return {name: limit for name, limit in found.rules().items() if np.isfinite(limit).all()}
 
 
 def _draw_limits(axes: Any, found: StabilityMap, i: int) -> None:
@@ -174,7 +163,8 @@ def _handles(found: StabilityMap) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    seen = {_outcome(point.cause, point.density) for point in found.points.values()}
+    pairs = (found.values(name).ravel() for name in ("cause", "density"))
+    seen = {_outcome(*pair) for pair in zip(*pairs, strict=True)}
     handles: list[Any] = [
         Patch(facecolor=COLOURS[k], edgecolor=EDGE, linewidth=0.4, label=LABELS[k])
         for k in sorted(seen)

@@ -15,8 +15,9 @@ from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.walls import Walls
 from sph_gym.studies.results import Results, is_record
 from sph_gym.studies.stability import bodies
-from sph_gym.studies.stability.case import VARIANTS, Case, Variant, hard_case, stable_step, turned
+from sph_gym.studies.stability.case import VARIANTS, Case, Variant, hard_case, stable_step
 from sph_gym.studies.stability.checks import n_passed
+from sph_gym.studies.stability.events import turned
 from sph_gym.studies.table import Row
 
 DX = 0.02

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
@@ -61,33 +61,40 @@ class MapPoint(NamedTuple):
 
 
 class StabilityMap(NamedTuple):
-    """The runs of a scene by index of epsilon, sound speed and dt, and what they lead to.
+    """The runs of a scene, and what they lead to.
 
-    limits: (n_xsph, n_sound) largest stable steps [s]; nan where none is. acceleration: (n_sound,)
-    largest [m/s^2] of the finest stable run of each sound speed. own: the scene as it comes.
+    points: [epsilon][sound speed][dt]; limits: (n_xsph, n_sound) largest stable steps [s], nan
+    where none is; own: the scene as it comes.
     """
 
     scene: Scene
     grid: MapGrid
-    points: dict[tuple[int, int, int], MapPoint]
+    points: list[list[list[MapPoint]]]
     limits: Any
-    acceleration: Any
     own: MapPoint
 
-    @property
-    def steps(self) -> list[float]:
-        """The time steps [s]."""
-        return [dt * unit(self.scene) for dt in self.grid.dt]
+    def values(self, field: str) -> Any:
+        """Return a field of the points, (n_xsph, n_sound, n_dt)."""
+        return np.array([[[getattr(p, field) for p in row] for row in one] for one in self.points])
 
-    def rule(self, k: int) -> dict[str, float]:
-        """Return the article's three limits [s] at sound speed number k; inf where none is."""
-        scene, a = self.scene, float(self.acceleration[k])
-        c, nu = self.grid.sound[k] * scene.fluid.c0, scene.effects.laminar_viscosity
-        return {
-            "CFL": stepping.COURANT * scene.h / c,
-            "force": stepping.FORCE * math.sqrt(scene.h / a) if a > 0 else math.inf,
-            "viscous": scene.viscous_share * scene.h**2 / nu if nu else math.inf,
-        }
+    @property
+    def steps(self) -> Any:
+        """(n_dt,) time steps [s]."""
+        return np.array(self.grid.dt) * unit(self.scene)
+
+    def rules(self) -> dict[str, Any]:
+        """Return the article's limits, (n_sound,) [s] each, inf where there is none.
+
+        The force is that of the finest stable runs.
+        """
+        scene, c = self.scene, np.array(self.grid.sound) * self.scene.fluid.c0
+        finest, cause = (self.values(name)[..., 0] for name in ("acceleration", "cause"))
+        a, nu = np.where(cause == "", finest, 0.0).max(axis=0), scene.effects.laminar_viscosity
+        with np.errstate(divide="ignore"):
+            force = stepping.FORCE * np.sqrt(scene.h / a)
+        viscous = scene.viscous_share * scene.h**2 / nu if nu else math.inf
+        cfl = stepping.COURANT * scene.h / c
+        return {"CFL": cfl, "force": force, "viscous": np.full(len(c), viscous)}
 
 
 def unit(scene: Scene) -> float:
@@ -145,45 +152,33 @@ def survey(
         look()
         return MapPoint(*found)
 
-    columns = list(itertools.product(range(len(grid.xsph)), range(len(grid.sound))))
-    points: dict[tuple[int, int, int], MapPoint] = {}
-    limits = np.full((len(grid.xsph), len(grid.sound)), math.nan)
     # compiled loops let go of the interpreter; the first run compiles
     play(grid.dt[-1], grid.sound[0], grid.xsph[0])
+    columns = itertools.product(grid.xsph, grid.sound)
     with ThreadPoolExecutor(teams.most_threads()) as pool:
-        found = pool.map(lambda column: _column(grid, play, *column), columns)
-        for (i, j), (column, limit) in zip(columns, found, strict=True):
-            points |= {(i, j, k): point for k, point in enumerate(column)}
-            limits[i, j] = limit * unit(scene)
+        found = list(pool.map(lambda column: _column(grid.dt, play, *column), columns))
+    n = len(grid.sound)
+    points = [[column for column, _ in found[k : k + n]] for k in range(0, len(found), n)]
+    limits = unit(scene) * np.array([limit for _, limit in found]).reshape(-1, n)
     usual = Simulation(scene, threads=1)
     sound = usual.sound_speed / scene.fluid.c0
     own = play(usual.controls.dt / unit(scene), sound, usual.controls.xsph)
-    return StabilityMap(scene, grid, points, limits, _accelerations(grid, points), own)
+    return StabilityMap(scene, grid, points, limits, own)
 
 
-def _column(grid: MapGrid, play: Play, i: int, j: int) -> tuple[list[MapPoint], float]:
+def _column(
+    steps: tuple[float, ...], play: Play, xsph: float, sound: float
+) -> tuple[list[MapPoint], float]:
     """Return the points of an epsilon and a sound speed, and the largest stable step [unit]."""
-    sound, xsph = grid.sound[j], grid.xsph[i]
-    points = [play(dt, sound, xsph) for dt in grid.dt]
+    points = [play(dt, sound, xsph) for dt in steps]
     bad = next((k for k, point in enumerate(points) if point.cause), len(points))
-    if bad == 0:
-        return points, math.nan
-    low = grid.dt[bad - 1]
-    if bad == len(points):
-        return points, low
-    high = grid.dt[bad]
-    for _ in range(HALVINGS):
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if play(middle, sound, xsph).cause else (middle, high)
+    low = steps[bad - 1] if bad > 0 else math.nan
+    if 0 < bad < len(points):
+        high = steps[bad]
+        for _ in range(HALVINGS):
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if play(middle, sound, xsph).cause else (middle, high)
     return points, low
-
-
-def _accelerations(grid: MapGrid, points: dict[tuple[int, int, int], MapPoint]) -> Any:
-    largest = np.zeros(len(grid.sound))
-    for j in range(len(grid.sound)):
-        fine = [points[i, j, 0] for i in range(len(grid.xsph))]
-        largest[j] = max((point.acceleration for point in fine if not point.cause), default=0.0)
-    return largest
 
 
 def n_runs(grid: MapGrid) -> int:
@@ -196,27 +191,20 @@ def n_runs(grid: MapGrid) -> int:
 def rows(name: str, found: StabilityMap) -> Iterator[Row]:
     """Yield the measured limits as multiples of the article's rule: at least 1 where it holds."""
     grid = found.grid
-    rules = np.array([min(found.rule(j).values()) for j in range(len(grid.sound))])
-    for i, xsph in enumerate(grid.xsph):
-        multiples = found.limits[i] / rules
-        for j, sound in enumerate(grid.sound):
-            case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
-            yield Row("limit / article's rule", case, float(multiples[j]), "", 1.0, at_least=True)
-    causes = [point.cause for point in found.points.values()]
-    total, n_blown = len(causes), len(causes) - causes.count("")
-    yield Row("runs that blew up", name, float(n_blown), f"of {total}")
-    yield Row(SILENT, name, float(causes.count(UNREPORTED)), f"of {total}", 0.0)
-    yield Row("nominal step / limit", name, _margin(found), "", 1.0)
-
-
-def _margin(found: StabilityMap) -> float:
-    """Return the scene's own step as a share of the limit nearest to its stiffness and epsilon."""
-    grid, scene = found.grid, found.scene
-    sim = Simulation(scene, threads=1)
-    j = _nearest(grid.sound, sim.sound_speed / scene.fluid.c0)
-    i = _nearest(grid.xsph, sim.controls.xsph)
-    return sim.controls.dt / float(found.limits[i, j])
-
-
-def _nearest(values: Sequence[float], wanted: float) -> int:
-    return int(np.argmin(np.abs(np.array(values) - wanted)))
+    multiples = found.limits / np.min([*found.rules().values()], axis=0)
+    for (i, xsph), (j, sound) in itertools.product(enumerate(grid.xsph), enumerate(grid.sound)):
+        case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
+        yield Row("limit / article's rule", case, float(multiples[i, j]), "", 1.0, at_least=True)
+    causes = found.values("cause")
+    blown, silent, of = (causes != "").sum(), (causes == UNREPORTED).sum(), f"of {causes.size}"
+    yield Row("runs that blew up", name, float(blown), of)
+    yield Row(SILENT, name, float(silent), of, 0.0)
+    # that of the column nearest to its stiffness and epsilon
+    sim = Simulation(found.scene, threads=1)
+    own = sim.controls.xsph, sim.sound_speed / found.scene.fluid.c0
+    nearest = (
+        int(np.abs(np.array(values) - value).argmin())
+        for values, value in zip((grid.xsph, grid.sound), own, strict=True)
+    )
+    limit = float(found.limits[tuple(nearest)])
+    yield Row("nominal step / limit", name, sim.controls.dt / limit, "", 1.0)

@@ -14,6 +14,7 @@ from sph_gym.studies.results import is_record
 from sph_gym.studies.stability import checks
 from sph_gym.studies.stability.case import Case, Variant
 from sph_gym.studies.stability.checks import BY_NAME, CHECKS, COMPARISON, END, FRAME, LATE, Check
+from sph_gym.studies.stability.events import see
 from sph_gym.studies.stability.limits import LABEL, LimitRow, known_limit
 from sph_gym.studies.table import Row
 
@@ -155,8 +156,8 @@ class CaseRun:
 
     def happened(self) -> float:
         """Return how much of the event of the case has happened since the start."""
-        start = Simulation(self.scene, self.dtype, threads=1)
-        return self.case.event.measure(start, self.sim)
+        start = see(Simulation(self.scene, self.dtype, threads=1))
+        return self.case.event.measure(start, see(self.sim))
 
     def density(self, extreme: Any) -> float:
         """Return a statistic, such as `np.min`, of the densities of the fluid [rho0]."""

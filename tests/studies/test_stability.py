@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,6 +110,22 @@ def test_known_limits_are_those_of_checks_that_cases_have():
         assert (limit.value < usual) if at_least else (limit.value > usual)
         assert 0 < limit.margin <= 0.15 * limit.value
         assert limit.reason
+
+
+def test_the_docs_list_the_known_limits():
+    text = (Path(__file__).parents[2] / "docs" / "stability.md").read_text()
+    rows = [line for line in text.splitlines() if line.startswith("| `")]
+    expected = []
+    for limit in limits.KNOWN_LIMITS:
+        check = stability.checks.BY_NAME[limit.check]
+        [variant] = [variant for variant in VARIANTS if variant.name == limit.variant]
+        usual = f"at {'least' if check.at_least else 'most'}"
+        usual += f" {CASES[limit.case].bound(limit.check, variant):g}"
+        expected.append(
+            f"| `{limit.case}` | {limit.variant} | {check.title} | {usual} | {limit.value:g} "
+            f"| {limit.bound:g} |"
+        )
+    assert rows == expected
 
 
 # --- A solver that does nothing -------------------------------------------------------------

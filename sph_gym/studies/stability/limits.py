@@ -32,29 +32,25 @@ class KnownLimit(NamedTuple):
         return self.value + (-self.margin if BY_NAME[self.check].at_least else self.margin)
 
 
-_HEAT = (
-    "XSPH moves particles with a velocity that is not the one they keep, so that pairs do work "
-    "which the kinetic energy does not see. An epsilon of 1 is beyond the 0.6 that environments "
-    "allow, and nothing else takes the heat out"
+_CLUMPS = (
+    "The force of cubic splines vanishes as two particles come together, so that close pairs stay "
+    "close, and XSPH, the only damping here, moves both alike"
 )
+_HEATS = (
+    "XSPH moves particles with a velocity that is not the one they keep, so that pairs do work "
+    "that the kinetic energy does not see, and nothing else takes this heat out"
+)
+_SPLASHES = (
+    "The splash is thrown apart for a moment, so that half of the particles have fewer "
+    "neighbours; seen once, in a chaotic flow that another processor rounds to another splash"
+)
+_SOME, _MUCH = (f"epsilon = {epsilon}, no other viscosity" for epsilon in ("0.6", "1"))
 KNOWN_LIMITS = (
-    KnownLimit(
-        "epsilon = 0.6, no other viscosity", "other kernels", "clumped", 0.16, 0.02,
-        "Cubic splines push close pairs apart less than the kernels of Wendland do, and XSPH lets "
-        "close particles move alike, which keeps pairs together. Two particles of 200 are more "
-        "than the bound allows",
-    ),
-    KnownLimit(
-        "epsilon = 1, no other viscosity", "other kernels", "excess", 0.025, 0.003, _HEAT
-    ),
-    KnownLimit("epsilon = 1, no other viscosity", "other kernels", "rise", 0.025, 0.003, _HEAT),
-    KnownLimit(
-        "dt x 3", "float32", "typical", 0.89, 0.01,
-        "At three times the stable step the splash is thrown apart for a moment, so that half of "
-        "the particles have fewer neighbours. It was seen once, on one processor; others round "
-        "the same chaotic flow to another splash, which keeps the bound",
-    ),
-)  # fmt: skip
+    KnownLimit(_SOME, "other kernels", "clumped", 0.16, 0.02, _CLUMPS),
+    KnownLimit(_MUCH, "other kernels", "excess", 0.025, 0.003, _HEATS),
+    KnownLimit(_MUCH, "other kernels", "rise", 0.025, 0.003, _HEATS),
+    KnownLimit("dt x 3", "float32", "typical", 0.89, 0.01, _SPLASHES),
+)
 
 
 class LimitRow(Row):

@@ -128,7 +128,7 @@ def far_dam(dx: float) -> Scene:
     return replace(scene, x=np.add(scene.x, AWAY))
 
 
-def scene(name: str, dx: float, **arguments: Any) -> Scene:
+def packaged(name: str, dx: float, **arguments: Any) -> Scene:
     """Return a scene of the package."""
     return scenes.make(name, dx=dx, **arguments)
 
@@ -238,7 +238,7 @@ def flows() -> Iterator[Case]:
         typical=0.65,
     )  # fmt: skip
     # calm as the scene itself asks for, a second after its ramp; the quick one has hardly any ramp
-    at_rest = partial(scene, "hydrostatic_tank", width=0.4, depth=0.4, seconds=60.0)
+    at_rest = partial(packaged, "hydrostatic_tank", width=0.4, depth=0.4, seconds=60.0)
     yield whole(
         "water at rest for 60 s", at_rest, events.pressed(0.97, 0.9), frames=1200, quick=12,
         soon=partial(at_rest, ramp=0.1), left=0.9, calm=2.0, kinetic=1e-5,
@@ -336,7 +336,7 @@ def schemes() -> Iterator[Case]:
         patches = _schemed("colliding patches", bodies.patches, corrector, continuity)
         yield bodies.body(**patches, event=events.turned(0.7, 0.7), gain=0.1, quick=40)
     for integrator in (kick, corrector):
-        channel = _schemed("Poiseuille flow", partial(scene, "poiseuille"), integrator, False)
+        channel = _schemed("Poiseuille flow", partial(packaged, "poiseuille"), integrator, False)
         # two thirds of the 1 m/s on the centre line, in the end
         yield hard_case(
             **channel, event=events.flowed(0.6, 0.1), dx=1 / ACROSS, frames=200, quick=10,

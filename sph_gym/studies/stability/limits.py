@@ -44,11 +44,19 @@ _SPLASHES = (
     "The splash is thrown apart for a moment, so that half of the particles have fewer "
     "neighbours; seen once, in a chaotic flow that another processor rounds to another splash"
 )
+_THROWS = (
+    "The fluid becomes 25 times as stiff or as soft in every frame, which throws it apart: for a "
+    "moment most of the finer particles have few neighbours, and kernels that are no pair make "
+    "energy of the disorder; a chaotic flow, which another processor rounds to another one"
+)
+_SWITCHED = "stiffness switched every frame"
 _SOME, _MUCH = (f"epsilon = {epsilon}, no other viscosity" for epsilon in ("0.6", "1"))
 KNOWN_LIMITS = (
     KnownLimit(_SOME, "other kernels", "clumped", 0.16, 0.02, _CLUMPS),
     KnownLimit(_MUCH, "other kernels", "excess", 0.025, 0.003, _HEATS),
     KnownLimit(_MUCH, "other kernels", "rise", 0.025, 0.003, _HEATS),
+    KnownLimit(_SWITCHED, "finer", "rise", 0.1701, 0.01, _THROWS),
+    KnownLimit(_SWITCHED, "finer", "typical", 0.32, 0.03, _THROWS),
     KnownLimit("dt x 3", "float32", "typical", 0.89, 0.01, _SPLASHES),
 )
 

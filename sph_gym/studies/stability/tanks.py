@@ -102,7 +102,7 @@ def block(dx: float) -> tuple[float, float, float, float]:
 
 
 def flooded(dx: float) -> Scene:
-    """Return a dam that collapses onto an obstacle of boundary particles, without a box."""
+    """Return a dam that collapses onto an obstacle of boundary particles, which no box guards."""
     obstacle = lattice(*block(dx), dx)
     return with_walls(dam(dx), lambda walls: np.concatenate([walls, obstacle]))
 

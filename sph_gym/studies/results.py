@@ -8,7 +8,7 @@ import json
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_origin
 
 from sph_gym.files import atomic_write
 from sph_gym.provenance import content_hash, source_hash
@@ -75,6 +75,20 @@ class Results:
         except OSError as error:
             reason = f"can't be written to: {error.strerror or error}"
             raise OSError(error.errno, reason, str(self.folder)) from None
+
+
+def is_record(kind: Any) -> Callable[[Any], bool]:
+    """Return a check of whether stored JSON is the fields of `kind`, a NamedTuple, as a list."""
+    # JSON writes some floats as whole numbers, and takes True for a number of neither kind
+    legal: dict[Any, set[Any]] = {float: {int, float}}
+    types = [legal.get(own, {get_origin(own) or own}) for own in kind.__annotations__.values()]
+
+    def fits(result: Any) -> bool:
+        if not isinstance(result, list) or len(result) != len(types):
+            return False
+        return all(type(item) in own for item, own in zip(result, types, strict=True))
+
+    return fits
 
 
 def _as_json(value: Any) -> Any:

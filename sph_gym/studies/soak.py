@@ -1,13 +1,11 @@
 """Do the environments keep their promises, whatever an agent does?
 
 Every id, every kind of action, observation and answer to a blow-up is stepped by policies that are
-random, extreme, or out to break the solver. After every step `Witness` checks what the
+random, extreme, or out to break the solver. After every step a `ContractChecker` checks what the
 documentation promises. A broken promise is a violation, and none is allowed.
 """
 
-import hashlib
 import itertools
-import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -22,12 +20,13 @@ from gymnasium import spaces
 from sph_gym import scenes
 from sph_gym.env import SCENES, env_id
 from sph_gym.env.distributions import FAMILIES
+from sph_gym.extras import progress_bar
 from sph_gym.solver.failure import CAUSES
 from sph_gym.solver.scene import Scene
-from sph_gym.studies.episodes import kept
+from sph_gym.studies.contract import PROMISES, ContractChecker
 from sph_gym.studies.policies import POLICIES, Push
+from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
-from sph_gym.studies.witness import PROMISES, Witness
 
 FOLDER = Path("runs/studies")
 FULL, QUICK = 200_000, 2000
@@ -59,26 +58,22 @@ class Chunk(NamedTuple):
 
 
 def chunks(n_steps: int) -> list[Chunk]:
-    """Every id with every variant, at least n_steps steps together.
+    """Return every id with every variant, at least n_steps steps together.
 
     Spacings, rewards, limits, and whether it is a vector, alternate from one to the next.
     """
     cells = list(itertools.product(IDS, VARIANTS))
     each = -(-n_steps // len(cells))
-    return [_chunk(k, id_, *variant, steps=each) for k, (id_, variant) in enumerate(cells)]
+    return [_chunk(k, id_, variant, steps=each) for k, (id_, variant) in enumerate(cells)]
 
 
-def _chunk(
-    k: int, id_: str, action_mode: str, on_blowup: str, observation: str, steps: int
-) -> Chunk:
+def _chunk(k: int, id_: str, variant: tuple[str, str, str], steps: int) -> Chunk:
+    arguments: dict[str, Any] = dict(
+        zip(("action_mode", "on_blowup", "observation"), variant, strict=True)
+    )
     # an id has twelve variants: five and seven, which share no divisor with that, mix
-    arguments: dict[str, Any] = {
-        "action_mode": action_mode,
-        "on_blowup": on_blowup,
-        "observation": observation,
-        "reward": "vector" if k % 5 == 1 else "scalar",
-        "rate_limit": 2.5 if k % 7 in (2, 5) else None,
-    }
+    arguments["reward"] = "vector" if k % 5 == 1 else "scalar"
+    arguments["rate_limit"] = 2.5 if k % 7 in (2, 5) else None
     if k % 5 == 3:
         arguments["reward_weights"] = {"work": 2.0, "clumping": 0.0, "blowup": 0.1}
     n_envs, coarser = (1, 8)[(k + k // len(VARIANTS)) % 2], COARSER[k // 2 % 3]
@@ -88,8 +83,8 @@ def _chunk(
     return Chunk(id_, arguments, coarser, n_envs, steps, k)
 
 
-def own_scene(dx: float = 0.06) -> Scene:
-    """A scene of a user's own, for the custom environment: two small patches collide."""
+def own_scene(dx: float) -> Scene:
+    """Return a scene of a user's own, for the custom environment: two small patches collide."""
     drop = scenes.make("patch_impact", dx=dx, length=6 * dx, height=5 * dx, gap=3 * dx)
     return Scene(
         "own", dx=dx, x=drop.x, v=drop.v, h=drop.h, fluid=drop.fluid, effects=drop.effects,
@@ -98,7 +93,7 @@ def own_scene(dx: float = 0.06) -> Scene:
 
 
 def make(chunk: Chunk) -> Any:
-    """The environment of a chunk, single or vector."""
+    """Return the environment of a chunk, single or vector."""
     spacings = {env_id(scene): family.dx for scene, family in FAMILIES.items()}
     dx = chunk.coarser * spacings.get(chunk.id, OTHER_DX)
     own: dict[str, Any] = {"scene": own_scene(dx)} if chunk.id == env_id("custom") else {"dx": dx}
@@ -114,7 +109,7 @@ def make(chunk: Chunk) -> Any:
 
 
 class Player:
-    """Who acts in one environment: another policy in every episode."""
+    """Source of the actions of one environment: another policy in every episode."""
 
     def __init__(self, space: Any, seed: int, first: int) -> None:
         self._discrete = isinstance(space, spaces.Discrete)
@@ -123,14 +118,14 @@ class Player:
         self.begin()
 
     def begin(self) -> None:
-        """The next policy, for a new episode."""
+        """Take the next policy, for a new episode."""
         names = list(POLICIES)
         self.name = names[self._turn % len(names)]
         self._pushes: Iterator[Push] = POLICIES[self.name](self._rng)
         self._turn += 1
 
     def act(self) -> Any:
-        """The next action."""
+        """Return the next action."""
         push = next(self._pushes)
         if self._discrete:
             moves = np.rint(push).astype(np.int64) + 1
@@ -139,61 +134,52 @@ class Player:
 
 
 def play(chunk: Chunk) -> dict[str, Any]:
-    """Take the steps of a chunk; what came of them, as plain numbers."""
+    """Take the steps of a chunk, and return what came of them as plain numbers."""
     began, env = time.perf_counter(), make(chunk)
     envs = [env] if chunk.n_envs == 1 else env.envs
     players = [Player(envs[0].action_space, chunk.seed, k) for k in range(chunk.n_envs)]
-    witnesses = [Witness(each) for each in envs]
-    observations, infos = env.reset(seed=chunk.seed)
-    _begin(env, players, witnesses, observations, infos)
-    steps, by_policy, rounds = 0, Counter[str](), 0
-    while steps < chunk.steps:
+    checkers = [ContractChecker(each) for each in envs]
+    for checker, result in zip(checkers, _split(env.reset(seed=chunk.seed), envs), strict=True):
+        checker.began(*result)
+    by_policy, rounds = Counter[str](), 0
+    while by_policy.total() < chunk.steps:
         rounds += 1
         if rounds % WRONG_EVERY == 0:
             number = chunk.seed + rounds // WRONG_EVERY
-            witnesses[number % chunk.n_envs].try_nonsense(number)
-        fresh = [each.episode.over for each in envs]
-        for witness in witnesses:
-            witness.before()
+            checkers[number % chunk.n_envs].try_nonsense(number)
+        over = [each.episode.over for each in envs]
+        for checker in checkers:
+            checker.before()
         results = _step(env, envs, [player.act() for player in players])
-        for k, result in enumerate(results):
-            if fresh[k]:
-                players[k].begin()
-                witnesses[k].began(result[0], result[-1])
+        for player, checker, result, is_reset in zip(players, checkers, results, over, strict=True):
+            if is_reset:
+                player.begin()
+                checker.began(result[0], result[-1])
             else:
-                witnesses[k].after(*result)
-                by_policy[players[k].name] += 1
-        steps += fresh.count(False)
+                checker.after(*result)
+                by_policy[player.name] += 1
     env.close()
-    return {
-        "steps": steps,
-        "seconds": time.perf_counter() - began,
-        "policies": dict(by_policy),
-        **_sum_up(witnesses),
-    }
-
-
-def _begin(env: Any, players: Any, witnesses: Any, observations: Any, infos: Any) -> None:
-    if len(players) == 1:
-        witnesses[0].began(observations, infos)
-        return
-    for k, witness in enumerate(witnesses):
-        witness.began(observations[k], _own(infos, k))
+    seconds = time.perf_counter() - began
+    return {"seconds": seconds, "policies": dict(by_policy), **_sum_up(checkers)}
 
 
 def _step(env: Any, envs: list[Any], actions: list[Any]) -> list[tuple[Any, ...]]:
-    """A step's results for every environment; where an episode is over, a reset instead."""
+    """Return a step's results of every environment; where an episode is over, of a reset."""
     if len(envs) > 1:
-        *columns, infos = env.step(np.stack(actions))
-        return [(*(column[k] for column in columns), _own(infos, k)) for k in range(len(envs))]
-    if env.episode.over:
-        observation, info = env.reset()
-        return [(observation, info)]
-    return [env.step(actions[0])]
+        return _split(env.step(np.stack(actions)), envs)
+    return [env.reset() if env.episode.over else env.step(actions[0])]
+
+
+def _split(results: tuple[Any, ...], envs: list[Any]) -> list[tuple[Any, ...]]:
+    """Return what a single environment or a vector returned as a tuple for each."""
+    if len(envs) == 1:
+        return [results]
+    *columns, infos = results
+    return [(*(column[k] for column in columns), _own(infos, k)) for k in range(len(envs))]
 
 
 def _own(infos: dict[str, Any], k: int) -> dict[str, Any]:
-    """One environment's info out of those of a vector."""
+    """Return one environment's info out of those of a vector."""
     return {
         name: column[k] if column.dtype == object else column[k].item()
         for name, column in infos.items()
@@ -201,39 +187,32 @@ def _own(infos: dict[str, Any], k: int) -> dict[str, Any]:
     }
 
 
-def _sum_up(witnesses: list[Witness]) -> dict[str, Any]:
-    violations, blowups = Counter[str](), Counter[str]()
-    for witness in witnesses:
-        violations += witness.violations
-        blowups += witness.blowups
+def _sum_up(checkers: list[ContractChecker]) -> dict[str, Any]:
     return {
-        "violations": dict(violations),
-        "blowups": dict(blowups),
-        "rollbacks": sum(witness.taken_back for witness in witnesses),
-        "refused": sum(witness.refused for witness in witnesses),
-        "examples": [text for witness in witnesses for text in witness.examples],
+        "violations": dict(sum((each.violations for each in checkers), Counter[str]())),
+        "blowups": dict(sum((each.blowups for each in checkers), Counter[str]())),
+        "rollbacks": sum(each.rolled_back for each in checkers),
+        "refused": sum(each.refused for each in checkers),
+        "examples": [text for each in checkers for text in each.examples],
     }
 
 
 # --- The study ------------------------------------------------------------------------------
 
 
-def measure(quick: bool, folder: Path = FOLDER, n_steps: int | None = None) -> Iterator[Row]:
-    """Rows of what was counted, with a progress bar that tells how long it will take.
+def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
+    """Yield rows of what was counted, with a progress bar that tells how long it will take.
 
     Finished chunks are kept in the folder. Raises ImportError that names the extra to install.
     """
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        raise ImportError('studies need more: pip install "sph_gym[studies]"') from None
-    wanted = n_steps or (QUICK if quick else FULL)
+    wanted = QUICK if quick else FULL
     plan, found = chunks(wanted), list[tuple[Chunk, dict[str, Any]]]()
-    sources = hashlib.sha256(b"".join(map(Path.read_bytes, _sources()))).hexdigest()
-    with tqdm(total=sum(chunk.steps for chunk in plan), unit="step", file=sys.stderr) as bar:
+    own = (f"studies/{name}.py" for name in ("soak", "policies", "contract"))
+    results = Results(folder / "soak", *own)
+    with progress_bar(sum(chunk.steps for chunk in plan), unit="step") as bar:
         for chunk in plan:
             bar.set_description(chunk.id.removeprefix("sph_gym/"))
-            result = kept(folder / "soak", [*chunk, sources], partial(play, chunk))
+            result = results.get([*chunk], partial(play, chunk))
             found.append((chunk, result))
             for example in result["examples"]:
                 bar.write(f"{chunk}: {example}")
@@ -241,28 +220,23 @@ def measure(quick: bool, folder: Path = FOLDER, n_steps: int | None = None) -> I
     yield from rows(found, wanted)
 
 
-def _sources() -> list[Path]:
-    return [Path(__file__).with_name(f"{name}.py") for name in ("soak", "policies", "witness")]
-
-
 def rows(found: list[tuple[Chunk, dict[str, Any]]], wanted: int) -> Iterator[Row]:
-    """Steps, blow-ups and violations of all chunks."""
+    """Yield steps, blow-ups and violations of all chunks."""
+
+    def total(table: str, key: str) -> int:
+        return sum(result[table].get(key, 0) for _, result in found)
+
     for id_ in IDS:
-        steps = sum(result["steps"] for chunk, result in found if chunk.id == id_)
-        yield Row("steps", id_, steps, "")
+        steps = [sum(result["policies"].values()) for chunk, result in found if chunk.id == id_]
+        yield Row("steps", id_, sum(steps), "")
     for policy in POLICIES:
-        yield Row("steps", f"policy: {policy}", _total(found, "policies", policy), "")
+        yield Row("steps", f"policy: {policy}", total("policies", policy), "")
     for cause in CAUSES:
-        yield Row("blow-ups", cause, _total(found, "blowups", cause), "")
-    for quantity in ("rollbacks", "refused"):
-        count = sum(result[quantity] for _, result in found)
-        yield Row("wrong actions refused" if quantity == "refused" else quantity, "all", count, "")
-    steps = sum(result["steps"] for _, result in found)
-    yield Row("steps", "all", steps, "", wanted, at_least=True)
+        yield Row("blow-ups", cause, total("blowups", cause), "")
+    for title, quantity in (("rollbacks", "rollbacks"), ("wrong actions refused", "refused")):
+        yield Row(title, "all", sum(result[quantity] for _, result in found), "")
+    all_steps = sum(total("policies", policy) for policy in POLICIES)
+    yield Row("steps", "all", all_steps, "", wanted, at_least=True)
     for promise in PROMISES:
-        yield Row("violations", promise, _total(found, "violations", promise), "", 0)
+        yield Row("violations", promise, total("violations", promise), "", 0)
     yield Row("run time", "all", sum(result["seconds"] for _, result in found) / 60, "min")
-
-
-def _total(found: list[tuple[Chunk, dict[str, Any]]], table: str, key: str) -> int:
-    return sum(result[table].get(key, 0) for _, result in found)

@@ -12,7 +12,7 @@ from sph_gym import scenes
 from sph_gym.env import SCENES, env_id, rewards, scene_of
 from sph_gym.env.episode import INFO
 from sph_gym.env.fingerprint import digest, fingerprint
-from sph_gym.studies import witness
+from sph_gym.studies import contract
 
 IDS = [env_id(scene) for scene in SCENES]
 FLOATS = [name for name, (unit, _) in INFO.items() if unit != "text"]
@@ -361,7 +361,7 @@ def test_a_state_that_was_changed_is_refused_and_nothing_moves(env, part):
     for wrong in (changed, without):
         with pytest.raises(ValueError, match=r"state: .*checksum"):
             env.set_state({**state, "episode": wrong})
-        assert witness.same(env.get_state(), before)
+        assert contract.same(env.get_state(), before)
 
 
 def sealed(state, **changes):
@@ -382,7 +382,7 @@ def test_whatever_the_checksum_says_the_solver_and_the_generator_check_their_own
     for wrong in wrongs:
         with pytest.raises(ValueError, match=r"state|snapshot|instance"):
             env.set_state(sealed(state, **wrong))
-        assert witness.same(env.get_state(), before)
+        assert contract.same(env.get_state(), before)
     env.set_state(sealed(state))
 
 
@@ -403,7 +403,7 @@ def test_states_of_environments_with_other_rules_are_refused(env, other):
         before = two.get_state()
         with pytest.raises(ValueError, match=f"state: of an environment with {name} = "):
             two.set_state(one.get_state())
-        assert witness.same(two.get_state(), before)
+        assert contract.same(two.get_state(), before)
 
 
 def test_a_state_is_made_of_plain_arrays_numbers_and_texts(env):
@@ -433,7 +433,7 @@ def test_every_state_of_an_episode_can_be_taken_back(on_blowup):
         blowups += info["blowup"]
         state = made.get_state()
         made.set_state(state)
-        assert witness.same(made.get_state(), state)
+        assert contract.same(made.get_state(), state)
     assert blowups == (4 if on_blowup == "rollback" else 1)
 
 

@@ -7,10 +7,16 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation
-from sph_gym.studies.stability import checks, figures, maps
-from sph_gym.studies.stability.maps import Grid, Point
+from sph_gym.solver.failure import CAUSES
+from sph_gym.studies import stability
+from sph_gym.studies.stability import figures, maps
+from sph_gym.studies.stability.maps import MapGrid, MapPoint
 
-GRID = Grid((0.5, 1.0, 2.0, 4.0, 8.0), (0.5, 1.0), (0.0, 0.3))
+GRID = MapGrid((0.5, 1.0, 2.0, 4.0, 8.0), (0.5, 1.0), (0.0, 0.3))
+
+
+def survey(folder, *look):
+    return maps.survey("relaxation", GRID, stability._results(folder, "maps"), *look)
 
 
 @pytest.fixture
@@ -21,27 +27,28 @@ def played(monkeypatch):
     def play(scene, dt, sound, xsph, share):
         calls.append((dt, sound, xsph))
         bad = dt * sound * scene.fluid.c0 > 0.9 * scene.h or (xsph > 0 and sound == 1.0)
-        return Point("cfl" if bad else "", math.nan if bad else 0.002, 10, 5.0, 20 / dt)
+        return MapPoint("cfl" if bad else "", math.nan if bad else 0.002, 10, 5.0, 20 / dt)
 
     monkeypatch.setattr(maps, "run", play)
     return calls
 
 
 def test_limits_are_found_to_a_tenth(tmp_path, played):
-    found = maps.survey("relaxation", GRID, tmp_path)
+    found = survey(tmp_path)
     scene = found.scene
     for i, j in ((0, 0), (0, 1), (1, 0)):
         exact = 0.9 * scene.h / (GRID.sound[j] * scene.fluid.c0)
         assert 0.9 * exact < found.limits[i, j] <= exact
     assert math.isnan(found.limits[1, 1])
-    assert found.rule(1)["CFL"] == pytest.approx(0.4 * scene.h / scene.fluid.c0)
-    assert found.rule(1)["force"] == pytest.approx(0.25 * math.sqrt(scene.h / 5.0))
-    assert math.isfinite(found.rule(1)["viscous"])
+    rules = found.rules()
+    assert rules["CFL"][1] == pytest.approx(0.4 * scene.h / scene.fluid.c0)
+    assert rules["force"][1] == pytest.approx(0.25 * math.sqrt(scene.h / 5.0))
+    assert np.isfinite(rules["viscous"]).all()
     assert len(played) <= maps.n_runs(GRID)
 
 
 def test_a_scene_that_no_step_is_short_enough_for_fails(tmp_path, played):
-    found = maps.survey("relaxation", GRID, tmp_path)
+    found = survey(tmp_path)
     rows = {(row.quantity, row.case): row for row in maps.rows("relaxation", found)}
     name = "limit / article's rule"
     assert rows[name, "relaxation, c = 0.5 c0, epsilon = 0"].holds
@@ -49,9 +56,9 @@ def test_a_scene_that_no_step_is_short_enough_for_fails(tmp_path, played):
 
 
 def test_finished_runs_are_kept(tmp_path, played):
-    first = maps.survey("relaxation", GRID, tmp_path)
+    first = survey(tmp_path)
     n, looks = len(played), []
-    again = maps.survey("relaxation", GRID, tmp_path, lambda: looks.append(1))
+    again = survey(tmp_path, lambda: looks.append(1))
     assert len(played) == n
     assert len(looks) >= n
     assert str(again.points) == str(first.points)
@@ -68,20 +75,20 @@ def test_a_real_run_is_stable_below_the_rule_and_not_far_above():
 
 
 def test_a_picture_shows_every_epsilon(tmp_path, played):
-    found = maps.survey("relaxation", GRID, tmp_path)
+    found = survey(tmp_path)
     path = figures.draw("relaxation", found, tmp_path / "map.png")
     assert path.stat().st_size > 20_000
 
 
 def test_work_is_measured_and_its_scale_is_that_of_the_map(tmp_path, played):
-    found = maps.survey("relaxation", GRID, tmp_path)
-    assert np.isnan(figures._work(found, 0)).all()
+    found = survey(tmp_path)
+    assert np.isnan(figures._work(found)[0]).all()
     found = found._replace(own=found.own._replace(cause=""))
     usual = Simulation(found.scene).controls.dt
-    work = figures._work(found, 0)
-    assert work[1, 0] == pytest.approx(usual / found.dt(1))
+    work = figures._work(found)[0]
+    assert work[0, 1] == pytest.approx(usual / found.steps[1])
     assert np.isnan(work[-1, -1])
-    low, high, _ = figures._range(found)
+    low, high = figures._range(work)
     assert (low, high) == (min(0.5, np.nanmin(work)), max(2.0, np.nanmax(work)))
 
 
@@ -93,7 +100,7 @@ def test_a_run_counts_its_pairs_and_tells_what_the_solver_did_not(monkeypatch):
     assert 6 < fine.pairs / fine.substeps < 40
     monkeypatch.setattr(maps, "EXCESS", -math.inf)
     untold = maps.run(scene, maps.unit(scene), 1.0, 0.3, 0.02)
-    assert untold.cause == maps.UNTOLD
+    assert untold.cause == maps.UNREPORTED
     # it was followed beyond the end
     assert untold.substeps > coarse.substeps
 
@@ -105,41 +112,34 @@ def test_a_run_that_is_reported_later_was_not_silent(monkeypatch):
 
 
 def test_silence_fails(tmp_path, monkeypatch):
-    for cause, silent in (("cfl", 0), (maps.UNTOLD, 20)):
-        monkeypatch.setattr(maps, "run", lambda *_, told=cause: Point(told, math.nan, 1, 1.0, 1.0))
-        found = maps.survey("relaxation", GRID, tmp_path / cause)
+    for cause, silent in (("cfl", 0), (maps.UNREPORTED, 20)):
+        monkeypatch.setattr(
+            maps, "run", lambda *_, told=cause: MapPoint(told, math.nan, 1, 1.0, 1.0)
+        )
+        found = survey(tmp_path / cause)
         [row] = [row for row in maps.rows("relaxation", found) if row.quantity == maps.SILENT]
         assert (row.value, row.holds) == (silent, not silent)
 
 
-def legend(found, monkeypatch):
-    from matplotlib.figure import Figure
-
-    kept = []
-    monkeypatch.setattr(Figure, "legend", lambda self, handles, **rest: kept.extend(handles))
-    figures._legend(Figure(), found)
-    return [handle.get_label() for handle in kept]
-
-
-def test_a_legend_lists_what_is_there(tmp_path, played, monkeypatch):
-    found = maps.survey("relaxation", GRID, tmp_path)
-    texts = legend(found, monkeypatch)
+def test_a_legend_lists_what_is_there(tmp_path, played):
+    found = survey(tmp_path)
+    texts = [handle.get_label() for handle in figures._handles(found)]
     assert "C: blow-up, cfl" in texts
     assert not any("stiffness" in text or "beyond" in text for text in texts)
     assert "viscous limit of the article" in texts
     effects = dataclasses.replace(found.scene.effects, laminar_viscosity=None)
-    points = {at: point._replace(cause="") for at, point in found.points.items()}
+    points = [[[p._replace(cause="") for p in row] for row in one] for one in found.points]
     calm = found._replace(scene=dataclasses.replace(found.scene, effects=effects), points=points)
-    texts = legend(calm, monkeypatch)
+    texts = [handle.get_label() for handle in figures._handles(calm)]
     assert not any("viscous" in text or "blew" in text for text in texts)
 
 
 def test_outcomes_have_their_own_colours():
     assert figures._outcome("", 0.001) == 0
     assert figures._outcome("", 0.1) == 1
-    causes = (*checks.CAUSES, maps.UNTOLD)
+    causes = (*CAUSES, maps.UNREPORTED)
     assert {figures._outcome(cause, math.nan) for cause in causes} == set(range(2, 9))
-    assert len(set(figures.COLOURS)) == len(figures.labels()) == 9
+    assert len(set(figures.COLOURS)) == len(figures.LABELS) == 9
     assert len({letter for _, letter in figures.CAUSES.values()}) == 7
     edges = figures._edges([1.0, 2.0, 4.0])
     assert edges == pytest.approx(np.sqrt([0.5, 2.0, 8.0, 32.0]))

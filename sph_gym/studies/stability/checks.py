@@ -1,190 +1,253 @@
-"""What is looked at after every frame, and comparisons of runs that must agree."""
+"""Checks: what is measured in every run of a case, and the bound that it must keep.
 
-import dataclasses
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any
+`CHECKS` is the list from which runs, bounds and the rows of the table are derived: a further
+check is one more entry.
+"""
+
+import math
+import operator
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from sph_gym.solver import engine, teams
-from sph_gym.solver.diagnostics import Ledger
+from sph_gym.scenes import hydrostatic_tank
+from sph_gym.scenes.shared import tanks
+from sph_gym.solver.confinement import stroke_at
+from sph_gym.solver.energy import Ledger
+from sph_gym.solver.failure import CAUSES
+from sph_gym.solver.integrators import TOP_SPEED
 from sph_gym.solver.kernels import ALL_KERNELS, density_kernel
-from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
-from sph_gym.solver.walls import Walls
+from sph_gym.studies.stability import comparisons
 
-FIELDS = ("x", "v", "rho", "p", "a")
-CAUSES = ("cfl", "stiffness", "clumping", "tunnelling", "energy", "nan")
+if TYPE_CHECKING:
+    from sph_gym.studies.stability.runs import CaseRun
+
+# Links of the chain that a blow-up may show in first.
 LINKS = ("neighbours", "density", "pressure", "force", "integration", "walls")
-# Faster [m/s] is a blow-up by the solver's own contract.
-TOP_SPEED = 5000.0
+# Particles above which brute force is asked about some of them only.
+AFFORDABLE = 3000
+# Frames over which one and two threads, and grid and brute force, are compared.
+COMPARED = 3
+# Differences from brute force, of the largest magnitude, in the two precisions; of observables.
+SAME, ALIKE = {"float64": 1e-12, "float32": 5e-5}, 1e-8
+# Of mass times largest speed: what summing up leaves of the momentum in the two precisions.
+ROUND_OFF = {"float64": 1e-14, "float32": 1e-6}
+# Of a lonely particle's density, which no other can be below; what float32 leaves of it.
+LONELY = 1 - 1e-5
+# Of the compression in the most compressed hundredth, as the environments allow.
+DENSE = 0.04
+
+# When a check is measured: after every frame, after those of the second half, where the run is
+# compared with others (at the start and after a quarter), at the end.
+FRAME, LATE, COMPARISON, END = ("frame",), ("late",), ("comparison",), ("end",)
+# A number, one for each precision, the name of the check that has the same, None: no bound.
+Bound = float | Mapping[str, float] | str | None
+
+
+class Check(NamedTuple):
+    """A number that is measured in a run, and the bound that it must keep.
+
+    name: keyword by which `hard_case` gives a case another bound; title, unit: of its row; when:
+    the moments of measuring; measure: a run to the number, None if there is none; bound: unless
+    the case has its own; fold: of two values that of both, nan if either is; at_least: whether
+    the bound is a lower one; optional: whether only cases that give a bound have a row;
+    after_blowup: whether runs that blew up must keep it too.
+    """
+
+    name: str
+    title: str
+    unit: str
+    when: tuple[str, ...]
+    measure: Callable[["CaseRun"], float | None]
+    bound: Bound = None
+    fold: Callable[[float, float], float] = np.maximum
+    at_least: bool = False
+    optional: bool = False
+    after_blowup: bool = False
+
+
+# --- Measures -------------------------------------------------------------------------------
 
 
 def is_finite(sim: Simulation) -> bool:
-    """Whether every number of the state is."""
-    return all(bool(np.isfinite(getattr(sim, field)).all()) for field in FIELDS)
+    """Return whether every number of the state is finite."""
+    return all(bool(np.isfinite(getattr(sim, field)).all()) for field in comparisons.FIELDS)
 
 
 def is_silent(sim: Simulation, report: Report) -> bool:
-    """Whether something went wrong without a word, or a blow-up without its story.
+    """Return whether something went wrong unreported, or a blow-up lacks cause, link or particle.
 
-    By the contract's own numbers. A run that stays within them isn't excused by that: `report`
-    holds its energy, its densities and its walls to the bounds of the case.
+    The bounds are the solver's own. A run that keeps them is not excused by that: other checks
+    hold its energy, its densities and its walls to the bounds of the case.
     """
     if not is_finite(sim):
         return True
     if report.diverged:
-        told = report.cause in CAUSES and report.link in LINKS
-        return not (told and 0 <= report.bad_particle < sim.n_fluid)
+        explained = report.cause in CAUSES and report.link in LINKS
+        return not (explained and 0 <= report.bad_particle < sim.n_fluid)
     numbers = sim.diagnostics()
     return numbers["max_speed"] > TOP_SPEED or not numbers["energy_excess"] <= Ledger.TOLERANCE
 
 
-def greatest(values: Sequence[float]) -> float:
-    """The largest, or nan if any is: Python's max passes over a nan that isn't the first."""
-    return float(np.max(np.asarray(values, np.float64)))
+def momentum(sim: Simulation) -> Any:
+    """Return the momentum (2,) [kg/s] of the fluid, summed in double precision."""
+    return sim.mass * sim.v[: sim.n_fluid].astype(np.float64).sum(axis=0)
 
 
-def least_possible(sim: Simulation) -> float:
-    """What a particle's own mass makes of rho0: nobody's density can be less."""
+def lonely_density(sim: Simulation) -> float:
+    """Return the density of a particle without neighbours [rho0], the least that there can be."""
     kernel = ALL_KERNELS[sim.scene.fluid.kernel](sim.scene.h)
     return sim.mass * float(density_kernel(kernel, np.zeros(1))[0]) / sim.scene.fluid.rho0
 
 
-def momentum(sim: Simulation) -> Any:
-    """(2,) [kg/s], summed in double precision."""
-    return sim.mass * sim.v[: sim.n_fluid].astype(np.float64).sum(axis=0)
+def n_passed(sim: Simulation, behind: Callable[[Any, float], Any] | None = None) -> int:
+    """Return how many fluid particles are out of the box, or `behind` a wall.
 
-
-# --- Runs that must agree -------------------------------------------------------------------
-
-
-@contextmanager
-def eager_threads() -> Iterator[None]:
-    """Even the smallest fluid and the shortest call are shared by all threads.
-
-    The solver shares only what is worth it; that it is right does not depend on it.
+    behind: positions (n, 2) [m] and dx to which of them are on its wrong side.
     """
-    limits = engine.PARTICLES_PER_THREAD, engine.WORTH_WAKING
-    choose: Any = teams.Pace.choose
-    engine.PARTICLES_PER_THREAD, engine.WORTH_WAKING = 1, 1
-    teams.Pace.choose = lambda self, most: most  # type: ignore[method-assign]
-    try:
-        yield
-    finally:
-        engine.PARTICLES_PER_THREAD, engine.WORTH_WAKING = limits
-        teams.Pace.choose = choose  # type: ignore[method-assign]
+    x, low, high, slack = _in_box(sim)
+    wrong = ((x < low - slack) | (x > high + slack)).any(axis=1)
+    return int((wrong if behind is None else wrong | behind(x, sim.scene.dx)).sum())
 
 
-Advance = Callable[[Simulation], Report]
-# Makes one of the runs, with so many `threads` or by `neighbors`.
-Twin = Callable[..., Simulation]
+def n_held_by_box(sim: Simulation) -> int:
+    """Return how many fluid particles lie on the box: no boundary particle stopped them."""
+    x, low, high, slack = _in_box(sim)
+    return int(((np.abs(x - low) <= slack) | (np.abs(x - high) <= slack)).any(axis=1).sum())
 
 
-def threads_differ(twin: Twin, advance: Advance, frames: int) -> int:
-    """In how many fields, reports included, runs on one and two threads differ by any bit."""
-    with eager_threads():
-        single, double = (twin(threads=n) for n in (1, 2))
-        reports = [[advance(sim) for _ in range(frames)] for sim in (single, double)]
-    wrong = sum(
-        getattr(single, field).tobytes() != getattr(double, field).tobytes() for field in FIELDS
-    )
-    return wrong + (reports[0] != reports[1])
+def _in_box(sim: Simulation) -> tuple[Any, Any, Any, float]:
+    """Return positions (n, 2) [m], lower and upper sides of the present box, and a slack.
 
-
-def grid_gap(sim: Simulation) -> float:
-    """Largest difference of rho, p and a between grid and brute force on the present state.
-
-    In multiples of the largest magnitude of each field, and of pressure and acceleration at least
-    of those of a flow at Mach 0.1: at rest, both are small differences of densities.
+    Sides are infinite where there is no box.
     """
-    brute = Simulation(sim.scene, sim.dtype, "brute", threads=1)
-    brute.restore(sim.snapshot())
-    for each in (sim, brute):
-        each.evaluate()
-    gaps = []
-    for field, floor in _least(sim).items():
-        one, other = (getattr(each, field).astype(np.float64) for each in (sim, brute))
-        largest = max(float(np.abs(other).max()), floor)
-        gaps.append(float(np.abs(one - other).max()) / largest)
-    return greatest(gaps)
+    x = sim.x[: sim.n_fluid].astype(np.float64)
+    walls = sim.scene.walls
+    # a wall that was rounded to the precision of the particles
+    slack = 1e-9 + 4 * float(np.finfo(sim.x.dtype).eps) * float(np.abs(x).max())
+    if walls is None or walls.box is None:
+        return x, np.full(2, -math.inf), np.full(2, math.inf), slack
+    box = np.array(walls.box)
+    if walls.motion is not None:
+        stroke = walls.motion.stroke()
+        dx, dy, _, _ = stroke_at(stroke, sim.time)
+        box += (stroke.left * dx, stroke.right * dx, stroke.bottom * dy, stroke.top * dy)
+    return x, box[::2], box[1::2], slack
 
 
-# Of the particles of a flow that is too large for brute force, how many are compared.
-SAMPLE = 20
+def _number(name: str) -> Callable[["CaseRun"], float]:
+    return lambda run: run.numbers[name]
 
 
-def sample_gap(sim: Simulation) -> float:
-    """`grid_gap` of particles at random, each against brute force on all within 2 h of it.
-
-    Its neighbours' densities, which its acceleration depends on, need no more.
-    """
-    sim.evaluate()
-    # as the engine counts them: far from its origin, float32 would have no digits for the rest
-    x, v = (np.asarray(a, np.float64) for a in (sim._places, sim.v))
-    rng = np.random.default_rng(0)
-    chosen = rng.choice(sim.n_fluid, min(SAMPLE, sim.n_fluid), replace=False)
-    return greatest([_patch_gap(sim, x, v, int(i)) for i in chosen])
+def _density(extreme: Callable[[Any], Any]) -> Callable[["CaseRun"], float]:
+    return lambda run: run.density(extreme)
 
 
-def _patch_gap(sim: Simulation, x: Any, v: Any, i: int) -> float:
-    scene, n = sim._local, sim.n_fluid
-    near = np.hypot(*(x - x[i]).T) < 2.001 * scene.h
-    fluid, wall = near[:n], x[n:][near[n:]]
-    walls = Walls(wall) if len(wall) else None
-    patch = dataclasses.replace(scene, x=x[:n][fluid], v=v[:n][fluid], walls=walls)
-    brute = Simulation(patch, sim.dtype, "brute", threads=1)
-    brute.controls = sim.controls
-    brute.evaluate()
-    here = int(fluid[:i].sum())
-    gaps = []
-    for field, floor in _least(sim).items():
-        other = np.asarray(getattr(brute, field), np.float64)
-        gap = np.abs(np.asarray(getattr(sim, field)[i], np.float64) - other[here])
-        gaps.append(float(gap.max()) / max(float(np.abs(other).max()), floor))
-    return greatest(gaps)
+def _drift(run: "CaseRun") -> float:
+    change = float(np.hypot(*(momentum(run.sim) - run.momentum)))
+    speed = max(run.fastest, 1e-3 * run.scene.fluid.c0)
+    return change / (run.sim.mass * run.sim.n_fluid * speed)
 
 
-def _least(sim: Simulation) -> dict[str, float]:
-    """What the largest rho [kg/m^3], p [Pa] and a [m/s^2] count as, at least."""
-    dynamic = (0.1 * sim.sound_speed) ** 2
-    return {"rho": 0.0, "p": sim.scene.fluid.rho0 * dynamic, "a": dynamic / sim.scene.h}
+def _grid(run: "CaseRun") -> float:
+    gap = comparisons.grid_gap if run.is_affordable else comparisons.sample_gap
+    return gap(run.sim)
 
 
-def run_gap(twin: Twin, advance: Advance, frames: int) -> float:
-    """How far apart runs on grid and brute force are after some frames, by their observables.
-
-    Centre of mass and extents in dx, kinetic energy as a share of the larger one and of that of
-    Mach 0.01; the largest counts.
-    """
-    ends = []
-    for neighbors in ("grid", "brute"):
-        sim = twin(neighbors=neighbors)
-        for _ in range(frames):
-            if advance(sim).diverged:
-                break
-        ends.append(sim.diagnostics())
-    return _observable_gap(sim.scene, ends)
+def _observables(run: "CaseRun") -> float | None:
+    if run.dtype != "float64" or not run.is_affordable:
+        return None
+    return comparisons.run_gap(run.copy, run.advance, min(COMPARED, run.frames))
 
 
-def moved_gap(scene: Scene, sim: Simulation, other_scene: Scene, other: Simulation) -> float:
-    """The same of two simulations, each seen from the middle of where it began."""
-    ends = []
-    for began, each in ((scene, sim), (other_scene, other)):
-        numbers, middle = each.diagnostics(), np.asarray(began.x).mean(axis=0)
-        shift = {"com_x": numbers["com_x"] - middle[0], "com_y": numbers["com_y"] - middle[1]}
-        ends.append(numbers | shift)
-    return _observable_gap(scene, ends)
+def _threads(run: "CaseRun") -> float:
+    return comparisons.threads_differ(run.copy, run.advance, min(COMPARED, run.frames))
 
 
-def _observable_gap(scene: Scene, ends: Sequence[dict[str, float]]) -> float:
-    one, other = ends
-    lengths = [abs(one[name] - other[name]) / scene.dx for name in LENGTHS]
-    least = 0.5 * 1e-4 * scene.fluid.c0**2 * scene.fluid.rho0 * scene.dx**2
-    energies = [each["kinetic_energy"] for each in ends]
-    gap = abs(energies[0] - energies[1]) / max(*energies, least)
-    return greatest([gap, *lengths])
+def _unrest(run: "CaseRun") -> float | None:
+    if run.case.calm is None or run.sim.time < run.case.calm:
+        return None
+    depth = hydrostatic_tank.depth_of(run.scene)
+    return run.numbers["kinetic_energy"] / (tanks.weight(run.sim) * depth)
 
 
-LENGTHS = ("com_x", "com_y", "extent_x", "extent_y")
+def _unlike(run: "CaseRun") -> float | None:
+    return None if run.twin is None else comparisons.displaced_gap(run.sim, run.twin.sim)
+
+
+def _clumped(run: "CaseRun") -> float | None:
+    if run.twin is None:
+        return None
+    return run.values.get("clumping", 0.0) - run.twin.values.get("clumping", 0.0)
+
+
+# --- The list -------------------------------------------------------------------------------
+
+_always = partial(Check, after_blowup=True)
+_smallest = partial(Check, fold=np.minimum, at_least=True)
+_if_asked = partial(Check, optional=True)
+
+# fmt: off
+CHECKS = (
+    _always("step", "longest step", "stable steps", FRAME,
+            lambda run: run.report.dt / run.stable_dt, optional=True, at_least=True),
+    _always("silent", "frames that failed in silence", "", FRAME,
+            lambda run: is_silent(run.sim, run.report), 0.0, fold=operator.add),
+    _always("passed", "particles behind a wall", "", FRAME,
+            lambda run: n_passed(run.sim, run.case.behind), 0.0),
+    _always("threads", "fields that differ on two threads", "", COMPARISON, _threads, 0.0),
+    _always("held", "particles that only the box holds", "", FRAME,
+            lambda run: n_held_by_box(run.sim) or None),
+    _always("drift", "momentum from nowhere", "of the largest", END, _drift, optional=True),
+    _always("grid", "grid against brute force, rho, p, a", "of the largest", COMPARISON + END,
+            _grid, SAME),
+    _always("observables", "runs on grid and brute force", "dx, energy", COMPARISON,
+            _observables, ALIKE),
+    _smallest("happened", "what must have happened", "", END, lambda run: run.happened()),
+    Check("excess", "energy from nowhere", "of what is at stake", FRAME,
+          _number("energy_excess"), 0.02),
+    Check("rise", "rise of energy from nowhere", "of what is at stake", FRAME,
+          lambda run: run.energy_rise, "excess"),
+    Check("gain", "mean compression beyond the start's", "rho0", FRAME,
+          lambda run: run.numbers["density_error"] - run.began["density_error"], "density"),
+    _if_asked("burst", "mean compression after the first frame", "rho0", FRAME,
+              lambda run: run.numbers["density_error"] if run.report.n_substeps else None),
+    Check("density", "mean compression, second half", "rho0", LATE,
+          _number("density_error"), 0.02),
+    Check("p99", "99th percentile of compression, second half", "rho0", LATE,
+          _number("density_error_p99"), DENSE),
+    _if_asked("clumping", "closer than 0.6 dx, second half", "of the particles", LATE,
+              _number("clumping")),
+    _if_asked("peak", "largest density, second half", "rho0", LATE, _density(np.max)),
+    _smallest("lowest", "least density", "a lonely particle's", FRAME,
+              lambda run: run.density(np.min) / lonely_density(run.sim), LONELY),
+    _if_asked("highest", "largest density", "a lonely particle's", FRAME,
+              lambda run: run.density(np.max) / lonely_density(run.sim)),
+    _smallest("left", "least density of fluid that stays together", "the start's least", FRAME,
+              lambda run: run.density(np.min) / run.least_density, optional=True),
+    _smallest("typical", "least median density", "rho0", FRAME, _density(np.median),
+              optional=True),
+    _if_asked("kinetic", "kinetic energy once at rest", "m g H", FRAME, _unrest),
+    _if_asked("unlike", "end unlike that of its twin", "dx, energy", END, _unlike),
+    _if_asked("clumped", "more than its twin closer than 0.6 dx", "of the particles", END,
+              _clumped),
+)
+# fmt: on
+BY_NAME = {check.name: check for check in CHECKS}
+
+
+def fold(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of both: sums of what is counted, the worse of what is measured."""
+    both = dict(one)
+    for name, value in other.items():
+        both[name] = float(BY_NAME[name].fold(both[name], value) if name in both else value)
+    return both
+
+
+def measure(run: "CaseRun", moment: tuple[str, ...]) -> dict[str, float]:
+    """Return the values of the checks that are measured at a moment."""
+    found = {check.name: check.measure(run) for check in CHECKS if moment[0] in check.when}
+    return {name: float(value) for name, value in found.items() if value is not None}

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from sph_gym.extras import needs_extra
 from sph_gym.solver.simulation import Simulation
-from sph_gym.studies.stability.maps import EXCESS, TOLERANCE, UNTOLD, Map
+from sph_gym.studies.stability.maps import EXCESS, TOLERANCE, UNREPORTED, StabilityMap
 
 # Of M. Okabe and K. Ito, for colour-blind eyes.
 CALM = {"density error within 1 %": "#56B4E9", "density error beyond 1 %": "#F0E442"}
@@ -18,209 +19,160 @@ CAUSES = {
     "tunnelling": ("#0072B2", "T"),
     "energy": ("#000000", "E"),
     "nan": ("#707070", "N"),
-    UNTOLD: ("#FFFFFF", "x"),
+    UNREPORTED: ("#FFFFFF", "x"),
 }
 COLOURS = [*CALM.values(), *(colour for colour, _ in CAUSES.values())]
-LINES: dict[str, tuple[Any, str]] = {
-    "CFL": ("-", "white"),
-    "force": ("--", "white"),
-    "viscous": (":", "white"),
-}
+LABELS = [*CALM, *(f"{letter}: blow-up, {cause}" for cause, (_, letter) in CAUSES.items())]
+LABELS[-1] = (
+    f"{CAUSES[UNREPORTED][1]}: more than {EXCESS:g} of the energy at stake from nowhere,\n"
+    "    which the solver never reported"
+)
+# Styles of the article's limits.
+LINES: dict[str, Any] = {"CFL": "-", "force": "--", "viscous": ":"}
 EDGE = "#202020"
+MARK: dict[str, Any] = {"color": "white", "markeredgecolor": EDGE, "linestyle": "none"}
+HATCH: dict[str, Any] = {"hatch": "////", "edgecolor": "#BBBBBB"}
 
 
-def draw(name: str, found: Map, path: Path) -> Path:
-    """Outcome, density error and work over stiffness and dt, a column for every epsilon.
+def draw(name: str, found: StabilityMap, path: Path) -> Path:
+    """Draw outcome, density error and work over stiffness and dt, a column for every epsilon.
 
     Raises ImportError that names the extra to install.
     """
-    try:
+    with needs_extra("studies"):
+        from matplotlib.colors import LogNorm
         from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError('plots need more: pip install "sph_gym[studies]"') from None
+        from matplotlib.ticker import LogLocator
     n = len(found.grid.xsph)
     figure = Figure(figsize=(3.6 * n + 2.6, 10.5), layout="constrained")
     frames = figure.subplots(3, n, squeeze=False, sharex=True, sharey=True)
-    scale = _range(found)
+    work, percent = _work(found), 100 * found.values("density")
+    density_scale, work_scale = LogNorm(0.01, 10.0), LogNorm(*_range(work))
     for i, xsph in enumerate(found.grid.xsph):
-        _outcomes(frames[0, i], found, i)
-        density = _numbers(frames[1, i], found, 100 * _values(found, i, "density"), _DENSITY)
-        work = _numbers(frames[2, i], found, _work(found, i), scale)
+        _draw_outcomes(frames[0, i], found, i)
+        shown = _draw_numbers(frames[1, i], found, percent[i], density_scale, "viridis")
+        worked = _draw_numbers(frames[2, i], found, work[i], work_scale, "plasma")
         for axes in frames[:, i]:
-            _limits(axes, found, i)
+            _draw_limits(axes, found, i)
         frames[0, i].set_title(f"epsilon = {xsph:g}", fontsize=10)
         frames[2, i].set_xlabel("sound speed c / c0 [-]")
     for axes in frames[:, 0]:
         axes.set_ylabel("time step dt [s]")
-    figure.colorbar(density, ax=frames[1], label="mean density error [%]", extend="both")
-    ticks = [tick for tick in _TICKS if scale[0] <= tick <= scale[1]]
-    bar = figure.colorbar(
-        work, ax=frames[2], label="work: pairs / the scene's own [-]", ticks=ticks, format="%g"
+    figure.colorbar(shown, ax=frames[1], label="mean density error [%]", extend="both")
+    figure.colorbar(
+        worked, ax=frames[2], label="work: pairs / the scene's own [-]", format="%g",
+        ticks=LogLocator(subs=(1, 2, 5)),
+    ).minorticks_off()  # fmt: skip
+    title = "runs with constant controls; stiffness = rho0 c² / gamma"
+    figure.suptitle(f"{name.replace('_', ' ')}: {title}", fontsize=11)
+    figure.legend(
+        handles=_handles(found), loc="outside lower center", ncols=3, fontsize=8, frameon=False
     )
-    bar.minorticks_off()
-    figure.suptitle(
-        f"{name.replace('_', ' ')}: runs with constant controls; stiffness = rho0 c² / gamma",
-        fontsize=11,
-    )
-    _legend(figure, found)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=130)
     return path
 
 
-# Colour scale: from, to, map.
-_DENSITY = (0.01, 10.0, "viridis")
-# Of the work.
-_TICKS = [digit * 10.0**k for k in range(-3, 4) for digit in (1, 2, 5)]
-
-
 def _edges(centres: Any) -> Any:
-    """Borders between cells on a log scale."""
+    """Return the borders between cells on a log scale."""
     log = np.log(np.asarray(centres))
     middle = (log[1:] + log[:-1]) / 2
     return np.exp([2 * log[0] - middle[0], *middle, 2 * log[-1] - middle[-1]])
 
 
-def _mesh(found: Map) -> tuple[Any, Any]:
-    grid = found.grid
-    steps = [found.dt(k) for k in range(len(grid.dt))]
-    return _edges(grid.sound), _edges(steps)
+def _mesh(found: StabilityMap) -> tuple[Any, Any]:
+    return _edges(found.grid.sound), _edges(found.steps)
 
 
-def _values(found: Map, i: int, field: str) -> Any:
-    """(n_dt, n_sound) of an epsilon; nan where the run blew up."""
-    grid = found.grid
-    return np.array(
-        [
-            [getattr(found.points[i, j, k], field) for j in range(len(grid.sound))]
-            for k in range(len(grid.dt))
-        ]
-    )
-
-
-def _work(found: Map, i: int) -> Any:
-    """Pairs of particles in all substeps, in multiples of the scene's own; nan: it blew up."""
-    causes, pairs = _values(found, i, "cause"), _values(found, i, "pairs")
+def _work(found: StabilityMap) -> Any:
+    """Return the pairs of particles in all substeps, in multiples of the scene's own, or nan."""
     own = np.nan if found.own.cause else found.own.pairs
-    return np.where(causes == "", pairs / own, np.nan)
+    return np.where(found.values("cause") == "", found.values("pairs") / own, np.nan)
 
 
-def _range(found: Map) -> tuple[float, float, str]:
-    """The colour scale of the work: what there is of it, at least from half to twice."""
-    work = np.array([_work(found, i) for i in range(len(found.grid.xsph))])
+def _range(work: Any) -> tuple[float, float]:
+    """Return the range of the work that there is, at least from half to twice the scene's own."""
     seen = work[np.isfinite(work)]
-    return min([0.5, *seen]), max([2.0, *seen]), "plasma"
+    return min([0.5, *seen]), max([2.0, *seen])
 
 
 def _outcome(cause: str, density: float) -> int:
-    """Number of its colour; ValueError for a cause that has none."""
-    if not cause:
-        return int(density > TOLERANCE)
-    return len(CALM) + list(CAUSES).index(cause)
+    """Return the number of its colour; ValueError for a cause that has none."""
+    return len(CALM) + list(CAUSES).index(cause) if cause else int(density > TOLERANCE)
 
 
-def _outcomes(axes: Any, found: Map, i: int) -> None:
+def _draw_outcomes(axes: Any, found: StabilityMap, i: int) -> None:
     from matplotlib.colors import ListedColormap
 
-    causes, density = _values(found, i, "cause"), _values(found, i, "density")
+    causes, density = found.values("cause")[i], found.values("density")[i]
     index = np.vectorize(_outcome, otypes=[int])(causes, density)
     axes.pcolormesh(
-        *_mesh(found), index, cmap=ListedColormap(COLOURS), vmin=-0.5, vmax=len(COLOURS) - 0.5,
+        *_mesh(found), index.T, cmap=ListedColormap(COLOURS), vmin=-0.5, vmax=len(COLOURS) - 0.5,
         edgecolors="white", linewidth=0.3,
     )  # fmt: skip
-    for k, j in np.argwhere(causes != ""):
-        colour, letter = CAUSES[causes[k, j]]
+    for j, k in np.argwhere(causes != ""):
+        colour, letter = CAUSES[causes[j, k]]
         # black on white, else white, at the left of the cell since limits run through its middle
         axes.text(
-            found.grid.sound[j] * 0.87, found.dt(k), letter, fontsize=7, ha="center", va="center",
-            color=EDGE if colour == "#FFFFFF" else "white", clip_on=True,
+            found.grid.sound[j] * 0.87, found.steps[k], letter, fontsize=7, ha="center",
+            va="center", color=EDGE if colour == "#FFFFFF" else "white", clip_on=True,
         )  # fmt: skip
 
 
-def _numbers(axes: Any, found: Map, values: Any, scale: tuple[float, float, str]) -> Any:
-    from matplotlib import colormaps
-    from matplotlib.colors import LogNorm
-
-    low, high, name = scale
+def _draw_numbers(axes: Any, found: StabilityMap, values: Any, scale: Any, colours: str) -> Any:
     # hatched, since no grey is in no colour map
     axes.set_facecolor("white")
-    axes.patch.set(hatch="////", edgecolor="#BBBBBB", linewidth=0.0)
-    colours = colormaps[name]
-    shown = np.ma.masked_invalid(np.maximum(values, 1e-6))
-    return axes.pcolormesh(*_mesh(found), shown, norm=LogNorm(low, high), cmap=colours)
+    axes.patch.set(**HATCH, linewidth=0.0)
+    shown = np.ma.masked_invalid(np.maximum(values.T, 1e-6))
+    return axes.pcolormesh(*_mesh(found), shown, norm=scale, cmap=colours)
 
 
-def _limits(axes: Any, found: Map, i: int) -> None:
-    """The article's limits, the measured one, and the nominal point."""
+def _line(name: str) -> dict[str, Any]:
+    """Return the style of one of the article's limits: white, with an outline."""
     from matplotlib.patheffects import Normal, Stroke
+
+    outline = [Stroke(linewidth=3.2, foreground=EDGE), Normal()]
+    return {"linestyle": LINES[name], "color": "white", "linewidth": 1.6, "path_effects": outline}
+
+
+def _rules(found: StabilityMap) -> dict[str, Any]:
+    """Return those limits of the article that exist everywhere."""
+    return {name: limit for name, limit in found.rules().items() if np.isfinite(limit).all()}
+
+
+def _draw_limits(axes: Any, found: StabilityMap, i: int) -> None:
+    """Draw the article's limits, the measured one, and the nominal point."""
+    from matplotlib.ticker import FixedLocator, FormatStrFormatter, NullFormatter
 
     sound = np.array(found.grid.sound)
-    rules = [found.rule(j) for j in range(len(sound))]
-    outline = [Stroke(linewidth=3.2, foreground=EDGE), Normal()]
-    for name, (style, colour) in LINES.items():
-        limit = np.array([rule[name] for rule in rules])
-        if np.isfinite(limit).all():
-            axes.plot(sound, limit, style, color=colour, linewidth=1.6, path_effects=outline)
-    axes.plot(
-        sound, found.limits[i], "o", color="white", markeredgecolor=EDGE, markersize=5, zorder=4
-    )
+    for name, limit in _rules(found).items():
+        axes.plot(sound, limit, **_line(name))
+    axes.plot(sound, found.limits[i], marker="o", markersize=5, zorder=4, **MARK)
     sim = Simulation(found.scene, threads=1)
-    axes.plot(
-        sim.sound_speed / found.scene.fluid.c0, sim.controls.dt, "*", color="white",
-        markeredgecolor=EDGE, markersize=14, zorder=5,
-    )  # fmt: skip
+    own = sim.sound_speed / found.scene.fluid.c0, sim.controls.dt
+    axes.plot(*own, marker="*", markersize=14, zorder=5, **MARK)
     x, y = _mesh(found)
     axes.set(xscale="log", yscale="log", xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
-    axes.set_xticks([0.1, 0.2, 0.4, 0.8, 1.6], labels=["0.1", "0.2", "0.4", "0.8", "1.6"])
-    axes.tick_params(axis="x", which="minor", labelbottom=False)
+    axes.xaxis.set_major_locator(FixedLocator([0.1, 0.2, 0.4, 0.8, 1.6]))
+    axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _legend(figure: Any, found: Map) -> None:
-    """Of what there is in this map."""
+def _handles(found: StabilityMap) -> list[Any]:
+    """Return what the legend explains: only what is in this map."""
     from matplotlib.lines import Line2D
-    from matplotlib.patheffects import Normal, Stroke
-
-    outline = [Stroke(linewidth=3.2, foreground=EDGE), Normal()]
-    rules = [found.rule(j) for j in range(len(found.grid.sound))]
-    lines = [
-        Line2D(
-            [], [], color=colour, linestyle=style, linewidth=1.6, path_effects=outline,
-            label=f"{name} limit of the article",
-        )
-        for name, (style, colour) in LINES.items()
-        if all(np.isfinite(rule[name]) for rule in rules)
-    ]  # fmt: skip
-    marks = [
-        Line2D([], [], marker=mark, color="none", markeredgecolor=EDGE, markersize=size, label=text)
-        for mark, size, text in (("o", 5, "measured limit"), ("*", 12, "the scene as it comes"))
-    ]
-    figure.legend(
-        handles=[*_patches(found), *lines, *marks], loc="outside lower center", ncols=3,
-        fontsize=8, frameon=False,
-    )  # fmt: skip
-
-
-def _patches(found: Map) -> list[Any]:
-    """Outcomes in this map and, if any run blew up, what stands for no value."""
     from matplotlib.patches import Patch
 
-    seen = {_outcome(point.cause, point.density) for point in found.points.values()}
-    patches = [
-        Patch(facecolor=COLOURS[k], edgecolor=EDGE, linewidth=0.4, label=label)
-        for k, label in enumerate(labels())
-        if k in seen
+    pairs = (found.values(name).ravel() for name in ("cause", "density"))
+    seen = {_outcome(*pair) for pair in zip(*pairs, strict=True)}
+    handles: list[Any] = [
+        Patch(facecolor=COLOURS[k], edgecolor=EDGE, linewidth=0.4, label=LABELS[k])
+        for k in sorted(seen)
     ]
     if max(seen) >= len(CALM):
-        hatched: dict[str, Any] = {"hatch": "////", "edgecolor": "#BBBBBB"}
-        patches.append(Patch(facecolor="white", label="no value: blew up", **hatched))
-    return patches
-
-
-def labels() -> list[str]:
-    """What the colours of outcomes mean, in their order."""
-    told = [f"{letter}: blow-up, {cause}" for cause, (_, letter) in CAUSES.items()][:-1]
-    untold = (
-        f"{CAUSES[UNTOLD][1]}: more than {EXCESS:g} of the energy at stake from nowhere,\n"
-        "    which the solver never reported"
-    )
-    return [*CALM, *told, untold]
+        handles.append(Patch(facecolor="white", label="no value: blew up", **HATCH))
+    for name in _rules(found):
+        handles.append(Line2D([], [], label=f"{name} limit of the article", **_line(name)))
+    for mark, size, text in (("o", 5, "measured limit"), ("*", 12, "the scene as it comes")):
+        handles.append(Line2D([], [], marker=mark, markersize=size, label=text, **MARK))
+    return handles

@@ -2,10 +2,9 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,22 +14,22 @@ from sph_gym.solver import stepping, teams
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
-from sph_gym.studies import store
+from sph_gym.studies.results import Results, is_record
 from sph_gym.studies.table import Row
 
-# A run is judged by its mean compression, as the environments do.
+# Mean compression that a run is judged by, as the environments do.
 TOLERANCE = 0.01
 # Energy from nowhere, as a share of what is at stake, beyond which a run counts as blown up; it is
 # followed to its end, and for so many frames at least, and if the solver never reports it, that is
 # given as its cause.
-EXCESS, FOLLOWED, UNTOLD = 0.5, 20, "untold"
+EXCESS, FOLLOWED, UNREPORTED = 0.5, 20, "unreported"
 SILENT = "runs that failed in silence"
 # How finely the limit of a column is found: this often the ratio of two steps is halved.
 HALVINGS = 3
 
 
-class Grid(NamedTuple):
-    """dt in multiples of 0.4 h / c0, sound speeds in multiples of c0, epsilons.
+class MapGrid(NamedTuple):
+    """Steps in multiples of 0.4 h / c0, sound speeds in multiples of c0, epsilons.
 
     share: of the scene's duration that is run.
     """
@@ -41,14 +40,14 @@ class Grid(NamedTuple):
     share: float = 1.0
 
 
-FULL = Grid()
-QUICK = Grid((0.5, 2.0, 8.0), (0.2, 1.0), (0.3,), 0.1)
+FULL = MapGrid()
+QUICK = MapGrid((0.5, 2.0, 8.0), (0.2, 1.0), (0.3,), 0.1)
 
 
-class Point(NamedTuple):
-    """What became of a run with constant controls.
+class MapPoint(NamedTuple):
+    """Numbers of a run with constant controls.
 
-    cause: of its blow-up, `UNTOLD` if the solver never reported it, or "" if there was none;
+    cause: of its blow-up, `UNREPORTED` if the solver never reported it, or "" if there was none;
     density: mean over time of the mean compression; substeps: taken until the end or the blow-up;
     acceleration: the largest [m/s^2]; pairs: in all substeps taken, the mean over the particles
     of the neighbours that each had to do with.
@@ -61,47 +60,55 @@ class Point(NamedTuple):
     pairs: float
 
 
-class Map(NamedTuple):
-    """The runs of a scene by index of epsilon, sound speed and dt, and what they lead to.
+class StabilityMap(NamedTuple):
+    """The runs of a scene, and what they lead to.
 
-    limits: (n_xsph, n_sound) largest stable steps [s]; nan where none is. acceleration: (n_sound,)
-    largest [m/s^2] of the finest stable run of each sound speed. own: the scene as it comes.
+    points: [epsilon][sound speed][dt]; limits: (n_xsph, n_sound) largest stable steps [s], nan
+    where none is; own: the scene as it comes.
     """
 
     scene: Scene
-    grid: Grid
-    points: dict[tuple[int, int, int], Point]
+    grid: MapGrid
+    points: list[list[list[MapPoint]]]
     limits: Any
-    acceleration: Any
-    own: Point
+    own: MapPoint
 
-    def dt(self, k: int) -> float:
-        """Step [s] number k."""
-        return self.grid.dt[k] * unit(self.scene)
+    def values(self, field: str) -> Any:
+        """Return a field of the points, (n_xsph, n_sound, n_dt)."""
+        return np.array([[[getattr(p, field) for p in row] for row in one] for one in self.points])
 
-    def rule(self, k: int) -> dict[str, float]:
-        """The article's three limits [s] at sound speed number k; inf where there is none."""
-        scene, a = self.scene, float(self.acceleration[k])
-        c, nu = self.grid.sound[k] * scene.fluid.c0, scene.effects.laminar_viscosity
-        return {
-            "CFL": stepping.COURANT * scene.h / c,
-            "force": stepping.FORCE * math.sqrt(scene.h / a) if a > 0 else math.inf,
-            "viscous": scene.viscous_share * scene.h**2 / nu if nu else math.inf,
-        }
+    @property
+    def steps(self) -> Any:
+        """(n_dt,) time steps [s]."""
+        return np.array(self.grid.dt) * unit(self.scene)
+
+    def rules(self) -> dict[str, Any]:
+        """Return the article's limits, (n_sound,) [s] each, inf where there is none.
+
+        The force is that of the finest stable runs.
+        """
+        scene, c = self.scene, np.array(self.grid.sound) * self.scene.fluid.c0
+        finest, cause = (self.values(name)[..., 0] for name in ("acceleration", "cause"))
+        a, nu = np.where(cause == "", finest, 0.0).max(axis=0), scene.effects.laminar_viscosity
+        with np.errstate(divide="ignore"):
+            force = stepping.FORCE * np.sqrt(scene.h / a)
+        viscous = scene.viscous_share * scene.h**2 / nu if nu else math.inf
+        cfl = stepping.COURANT * scene.h / c
+        return {"CFL": cfl, "force": force, "viscous": np.full(len(c), viscous)}
 
 
 def unit(scene: Scene) -> float:
-    """The article's acoustic step [s] at the nominal stiffness."""
+    """Return the article's acoustic step [s] at the nominal stiffness."""
     return stepping.COURANT * scene.h / scene.fluid.c0
 
 
 def nominal(name: str) -> Scene:
-    """The scene of an environment as it is."""
+    """Return the scene of an environment as it is."""
     return instances.instance(name, "nominal", 0).build()
 
 
-def run(scene: Scene, dt: float, sound: float, xsph: float, share: float) -> Point:
-    """A run with dt [s], sound speed `sound` c0 and epsilon over a share of the duration."""
+def run(scene: Scene, dt: float, sound: float, xsph: float, share: float) -> MapPoint:
+    """Run with dt [s], sound speed `sound` c0 and epsilon over a share of the duration."""
     sim = Simulation(scene, threads=1)
     sim.controls = Controls(dt, scene.fluid.stiffness(sound * scene.fluid.c0), xsph)
     # a frame, but never less than a step, which would be cut
@@ -114,111 +121,90 @@ def run(scene: Scene, dt: float, sound: float, xsph: float, share: float) -> Poi
         substeps += report.n_substeps
         pairs += report.n_substeps * numbers["mean_neighbors"]
         if report.diverged:
-            return Point(report.cause, math.nan, substeps, fastest, pairs)
+            return MapPoint(report.cause, math.nan, substeps, fastest, pairs)
         if not blown and not numbers["energy_excess"] <= EXCESS:
             # nothing to build upon, though the tripwire may have room for more
             blown, end = True, max(end, sim.time + FOLLOWED * seconds)
         looks.append(numbers["density_error"])
         fastest = max(fastest, numbers["max_acceleration"])
     if blown:
-        return Point(UNTOLD, math.nan, substeps, fastest, pairs)
-    return Point("", float(np.mean(looks)), substeps, fastest, pairs)
+        return MapPoint(UNREPORTED, math.nan, substeps, fastest, pairs)
+    return MapPoint("", float(np.mean(looks)), substeps, fastest, pairs)
 
 
-def survey(name: str, grid: Grid, folder: Path, look: Callable[[], Any] = lambda: None) -> Map:
-    """All runs of a scene, on all processors; finished ones are kept in the folder.
+# dt [unit], sound speed [c0], epsilon -> point
+Play = Callable[[float, float, float], MapPoint]
+
+
+def survey(
+    name: str, grid: MapGrid, results: Results, look: Callable[[], Any] = lambda: None
+) -> StabilityMap:
+    """Run a scene with all controls of the grid, on all processors.
 
     look: called after every run.
     """
     scene = nominal(name)
-    columns = list(itertools.product(range(len(grid.xsph)), range(len(grid.sound))))
-    play = partial(_kept, name, scene, grid, folder, look)
-    points: dict[tuple[int, int, int], Point] = {}
-    limits = np.full((len(grid.xsph), len(grid.sound)), math.nan)
+
+    def play(dt: float, sound: float, xsph: float) -> MapPoint:
+        compute = partial(run, scene, dt * unit(scene), sound, xsph, grid.share)
+        key = [name, dt, sound, xsph, grid.share]
+        found = results.get(key, compute, is_record(MapPoint))
+        look()
+        return MapPoint(*found)
+
     # compiled loops let go of the interpreter; the first run compiles
     play(grid.dt[-1], grid.sound[0], grid.xsph[0])
+    columns = itertools.product(grid.xsph, grid.sound)
     with ThreadPoolExecutor(teams.most_threads()) as pool:
-        found = pool.map(lambda column: _column(grid, play, *column), columns)
-        for (i, j), (column, limit) in zip(columns, found, strict=True):
-            points |= {(i, j, k): point for k, point in enumerate(column)}
-            limits[i, j] = limit * unit(scene)
+        found = list(pool.map(lambda column: _column(grid.dt, play, *column), columns))
+    n = len(grid.sound)
+    points = [[column for column, _ in found[k : k + n]] for k in range(0, len(found), n)]
+    limits = unit(scene) * np.array([limit for _, limit in found]).reshape(-1, n)
     usual = Simulation(scene, threads=1)
     sound = usual.sound_speed / scene.fluid.c0
     own = play(usual.controls.dt / unit(scene), sound, usual.controls.xsph)
-    return Map(scene, grid, points, limits, _accelerations(grid, points), own)
+    return StabilityMap(scene, grid, points, limits, own)
 
 
-Play = Callable[[float, float, float], Point]
-
-
-def _kept(
-    name: str, scene: Scene, grid: Grid, folder: Path, look: Callable[[], Any],
-    dt: float, sound: float, xsph: float,
-) -> Point:  # fmt: skip
-    key = [name, dt, sound, xsph, grid.share]
-    path = folder / store.name(key, Path(__file__))
-    compute = partial(run, scene, dt * unit(scene), sound, xsph, grid.share)
-    found = store.kept(path, key, compute, store.is_record(Point))
-    look()
-    return Point(*found)
-
-
-def _column(grid: Grid, play: Play, i: int, j: int) -> tuple[list[Point], float]:
-    """The points of an epsilon and a sound speed, and the largest stable step [unit]."""
-    sound, xsph = grid.sound[j], grid.xsph[i]
-    points = [play(dt, sound, xsph) for dt in grid.dt]
+def _column(
+    steps: tuple[float, ...], play: Play, xsph: float, sound: float
+) -> tuple[list[MapPoint], float]:
+    """Return the points of an epsilon and a sound speed, and the largest stable step [unit]."""
+    points = [play(dt, sound, xsph) for dt in steps]
     bad = next((k for k, point in enumerate(points) if point.cause), len(points))
-    if bad == 0:
-        return points, math.nan
-    low = grid.dt[bad - 1]
-    if bad == len(points):
-        return points, low
-    high = grid.dt[bad]
-    for _ in range(HALVINGS):
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if play(middle, sound, xsph).cause else (middle, high)
+    low = steps[bad - 1] if bad > 0 else math.nan
+    if 0 < bad < len(points):
+        high = steps[bad]
+        for _ in range(HALVINGS):
+            middle = math.sqrt(low * high)
+            low, high = (low, middle) if play(middle, sound, xsph).cause else (middle, high)
     return points, low
 
 
-def _accelerations(grid: Grid, points: dict[tuple[int, int, int], Point]) -> Any:
-    largest = np.zeros(len(grid.sound))
-    for j in range(len(grid.sound)):
-        fine = [points[i, j, 0] for i in range(len(grid.xsph))]
-        largest[j] = max((point.acceleration for point in fine if not point.cause), default=0.0)
-    return largest
-
-
-def n_runs(grid: Grid) -> int:
-    """At most so many runs a scene."""
+def n_runs(grid: MapGrid) -> int:
+    """Return the most runs that a scene takes."""
     columns = len(grid.xsph) * len(grid.sound)
     # before them one that compiles, after them the scene as it comes
     return columns * (len(grid.dt) + HALVINGS) + 2
 
 
-def rows(name: str, found: Map) -> Iterator[Row]:
-    """The measured limit as a multiple of the article's rule; at least 1 where the rule holds."""
+def rows(name: str, found: StabilityMap) -> Iterator[Row]:
+    """Yield the measured limits as multiples of the article's rule: at least 1 where it holds."""
     grid = found.grid
-    rules = np.array([min(found.rule(j).values()) for j in range(len(grid.sound))])
-    for i, xsph in enumerate(grid.xsph):
-        multiples = found.limits[i] / rules
-        for j, sound in enumerate(grid.sound):
-            case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
-            yield Row("limit / article's rule", case, float(multiples[j]), "", 1.0, at_least=True)
-    blown = sum(bool(point.cause) for point in found.points.values())
-    yield Row("runs that blew up", name, float(blown), f"of {len(found.points)}")
-    silent = sum(point.cause == UNTOLD for point in found.points.values())
-    yield Row(SILENT, name, float(silent), f"of {len(found.points)}", 0.0)
-    yield Row("nominal step / limit", name, _margin(found), "", 1.0)
-
-
-def _margin(found: Map) -> float:
-    """The scene's own step as a share of the limit nearest to its stiffness and epsilon."""
-    grid, scene = found.grid, found.scene
-    sim = Simulation(scene, threads=1)
-    j = _nearest(grid.sound, sim.sound_speed / scene.fluid.c0)
-    i = _nearest(grid.xsph, sim.controls.xsph)
-    return sim.controls.dt / float(found.limits[i, j])
-
-
-def _nearest(values: Sequence[float], wanted: float) -> int:
-    return int(np.argmin(np.abs(np.array(values) - wanted)))
+    multiples = found.limits / np.min([*found.rules().values()], axis=0)
+    for (i, xsph), (j, sound) in itertools.product(enumerate(grid.xsph), enumerate(grid.sound)):
+        case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
+        yield Row("limit / article's rule", case, float(multiples[i, j]), "", 1.0, at_least=True)
+    causes = found.values("cause")
+    blown, silent, of = (causes != "").sum(), (causes == UNREPORTED).sum(), f"of {causes.size}"
+    yield Row("runs that blew up", name, float(blown), of)
+    yield Row(SILENT, name, float(silent), of, 0.0)
+    # that of the column nearest to its stiffness and epsilon
+    sim = Simulation(found.scene, threads=1)
+    own = sim.controls.xsph, sim.sound_speed / found.scene.fluid.c0
+    nearest = (
+        int(np.abs(np.array(values) - value).argmin())
+        for values, value in zip((grid.xsph, grid.sound), own, strict=True)
+    )
+    limit = float(found.limits[tuple(nearest)])
+    yield Row("nominal step / limit", name, sim.controls.dt / limit, "", 1.0)

@@ -12,25 +12,26 @@ import gymnasium as gym
 
 from sph_gym.env.registration import env_id
 from sph_gym.solver.simulation import Simulation
-from sph_gym.studies import store
-from sph_gym.studies.stability import case, tanks
+from sph_gym.studies.results import Results
+from sph_gym.studies.stability import tanks
+from sph_gym.studies.stability.case import stable_step
 from sph_gym.studies.table import Row
 
 STEPS, QUICK_STEPS = 1_000_000, 20_000
 # What may come and go with Python's own pools [MB], and what a step may leave [MB]: 3 bytes.
 FLOOR, RATE = 1.0, 3e-6
-# Looks in which each of the runs is done, and the runs.
+# Looks at the memory in each of the runs.
 LOOKS = 100
 SCENE, ENVS = "dam_break", 4
 
 
 def bound(steps: int) -> float:
-    """Growth [MB] over so many steps that is none."""
+    """Return the growth [MB] over so many steps that counts as none."""
     return FLOOR + RATE * steps
 
 
 def resident() -> float:
-    """Memory of this process [MB]; where the system tells only its peak, that; else nan."""
+    """Return the memory of this process [MB], or its peak, or nan: what the system tells."""
     try:
         import resource
     except ImportError:
@@ -45,10 +46,10 @@ def resident() -> float:
 
 
 def solver() -> Iterator[int]:
-    """Substeps of every frame of a small dam break, with all that a program does in between."""
+    """Yield the substeps of every frame of a small dam break, with all that programs do between."""
     sim = Simulation(tanks.dam(0.1), threads=1)
     for frame in itertools.count():
-        sim.controls = case.article(sim, frame)._replace(dt=sim.nominal_controls.dt)
+        sim.controls = stable_step(sim, frame)._replace(dt=sim.nominal_controls.dt)
         report = sim.advance(tanks.FRAME * sim.controls.dt)
         sim.diagnostics()
         sim.restore(sim.snapshot())
@@ -56,7 +57,7 @@ def solver() -> Iterator[int]:
 
 
 def environment() -> Iterator[int]:
-    """Substeps of every step of an environment: random actions, a new instance after the last."""
+    """Yield the substeps of every step: random actions, a new instance after the last."""
     env = gym.make(env_id(SCENE), instances="train")
     env.reset(seed=0)
     env.action_space.seed(0)
@@ -68,7 +69,7 @@ def environment() -> Iterator[int]:
 
 
 def vector() -> Iterator[int]:
-    """The same of some at once, which begin anew by themselves."""
+    """Yield the substeps of some environments at once, which begin anew by themselves."""
     envs = gym.make_vec(env_id(SCENE), num_envs=ENVS, instances="train", threads=1)
     envs.reset(seed=0)
     envs.action_space.seed(0)
@@ -82,12 +83,11 @@ WAYS: dict[str, Callable[[], Iterator[int]]] = {
     "an environment": environment,
     "a vector of environments": vector,
 }
-# Looks in which all is done.
 N_LOOKS = LOOKS * len(WAYS)
 
 
 def growth(way: str, steps: int, look: Callable[[], Any] = lambda: None) -> float:
-    """Memory gained [MB] over the last nine tenths of so many steps.
+    """Return the memory gained [MB] over the last nine tenths of so many steps.
 
     look: called a hundred times.
     """
@@ -102,14 +102,16 @@ def growth(way: str, steps: int, look: Callable[[], Any] = lambda: None) -> floa
     return resident() - before
 
 
-def rows(quick: bool, folder: Path, look: Callable[[], Any]) -> Iterator[Row]:
-    """Growth over 10^6 steps, or over some thousand; finished runs are kept in the folder."""
+def rows(quick: bool, results: Results, look: Callable[[], Any]) -> Iterator[Row]:
+    """Yield the growth over 10^6 steps, or over some thousand."""
     steps = QUICK_STEPS if quick else STEPS
     for way in WAYS:
-        key = ["memory", way, steps]
-        path = folder / store.name(key, *map(Path, (__file__, tanks.__file__, case.__file__)))
         compute = partial(growth, way, steps, look)
-        gained = float(store.kept(path, key, compute, lambda kept: type(kept) in (int, float)))
-        told = math.isfinite(gained)
-        label = f"{way}, {steps:,} steps" + ("" if told else ", which this system doesn't tell")
-        yield Row("memory gained", label, gained, "MB", bound(steps) if told else None)
+        gained = float(results.get(["memory", way, steps], compute, _is_number))
+        known = math.isfinite(gained)
+        label = f"{way}, {steps:,} steps" + ("" if known else ", which this system doesn't tell")
+        yield Row("memory gained", label, gained, "MB", bound(steps) if known else None)
+
+
+def _is_number(kept: Any) -> bool:
+    return type(kept) in (int, float)

@@ -1,246 +1,232 @@
-"""A case in one of its variants, from start to end: what became of it, in numbers."""
+"""Runs of cases, from start to end, and the rows of the table that they make."""
 
 import math
-import time
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from sph_gym.scenes import hydrostatic_tank
-from sph_gym.scenes.shared import tanks
+from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
+from sph_gym.studies.results import is_record
 from sph_gym.studies.stability import checks
-from sph_gym.studies.stability.case import Case, Variant, held_by_box
+from sph_gym.studies.stability.case import Case, Variant
+from sph_gym.studies.stability.checks import BY_NAME, CHECKS, COMPARISON, END, FRAME, LATE, Check
+from sph_gym.studies.stability.events import see
+from sph_gym.studies.stability.limits import LABEL, LimitRow, known_limit
+from sph_gym.studies.table import Row
 
-# Frames over which one and two threads, and grid and brute force, are compared.
-COMPARED = 3
-# Of particles, above which brute force is asked about some of them only.
-AFFORDABLE = 3000
 
+class CaseOutcome(NamedTuple):
+    """Numbers of a run, or of the runs of all sizes together.
 
-class Outcome(NamedTuple):
-    """What became of a run; the worst of all sizes, and of all frames.
-
-    substeps; step: the largest, in stable ones; blowups: reported ones; cause: of the first;
-    silent: frames in which something went wrong without a report, or with one that doesn't say
-    what; passed: most particles on the wrong side of a wall; held: most that only the box holds;
-    happened: what the case asks for; excess: energy from nowhere, as a
-    share of what is at stake; rise: the most that it ever rose above the least before; kinetic:
-    the most energy of motion that a fluid at rest has [m g H]; drift: of the momentum, as a share
-    of mass times largest speed;
-    gain: largest mean compression beyond that of the start; burst: the largest from the end of
-    the first frame on; density: the largest of the second half; p99: its 99th percentile;
-    clumping: largest share of particles closer than 0.6 dx in the second half; peak: largest
-    density of the second half [rho0]; lowest, highest: smallest and largest
-    density, in multiples of a lonely particle's; left: smallest density, as a share of the
-    smallest of the start; typical: smallest median density [rho0]; fastest: [m/s]; threads: fields
-    that differ between one thread and two; grid: largest difference of the evaluation by grid and
-    by brute force; observables: difference of runs by grid and by brute force; unlike: of the end
-    from that of the case that it must be like, clumped: how many more particles are close there;
-    -inf where they weren't compared; seconds: wall clock.
+    substeps, blowups: how many; cause: of the first blow-up; values: of checks, by name.
     """
 
-    substeps: int = 0
-    step: float = 0.0
-    blowups: int = 0
-    cause: str = ""
-    silent: int = 0
-    passed: int = 0
-    held: int = 0
-    happened: float = math.inf
-    excess: float = -math.inf
-    rise: float = 0.0
-    kinetic: float = 0.0
-    drift: float = 0.0
-    gain: float = 0.0
-    burst: float = 0.0
-    density: float = 0.0
-    p99: float = 0.0
-    clumping: float = 0.0
-    peak: float = 0.0
-    lowest: float = math.inf
-    highest: float = 0.0
-    left: float = math.inf
-    typical: float = math.inf
-    fastest: float = 0.0
-    threads: int = 0
-    grid: float = -math.inf
-    observables: float = -math.inf
-    unlike: float = -math.inf
-    clumped: float = -math.inf
-    seconds: float = 0.0
+    substeps: int
+    blowups: int
+    cause: str
+    values: dict[str, float]
 
 
-# Which of two is the worse; what is no number is worst of all, which Python's max overlooks.
-_WORSE: dict[str, Any] = {
-    "substeps": lambda a, b: a + b,
-    "blowups": lambda a, b: a + b,
-    "cause": lambda a, b: a or b,
-    "silent": lambda a, b: a + b,
-    "happened": lambda a, b: float(np.minimum(a, b)),
-    "lowest": lambda a, b: float(np.minimum(a, b)),
-    "left": lambda a, b: float(np.minimum(a, b)),
-    "typical": lambda a, b: float(np.minimum(a, b)),
-    "seconds": lambda a, b: a + b,
-}
+def is_outcome(result: Any) -> bool:
+    """Return whether stored JSON is a `CaseOutcome` that was measured at all moments."""
+    if not is_record(CaseOutcome)(result):
+        return False
+    values = result[-1]
+    measured = {"silent", "grid", "happened"} <= values.keys() <= BY_NAME.keys()
+    return measured and all(type(value) in (int, float) for value in values.values())
 
 
-def _larger(a: float, b: float) -> float:
-    return type(a)(np.maximum(a, b))
-
-
-def worst(one: Outcome, other: Outcome) -> Outcome:
-    """Both in one: sums of what is counted, the worse of what is measured."""
-    values = (
-        _WORSE.get(name, _larger)(getattr(one, name), getattr(other, name)) for name in one._fields
-    )
-    return Outcome(*values)
-
-
-def run(case: Case, variant: Variant, quick: bool = False) -> Outcome:
-    """All sizes of a case in a variant; quick: fewer frames, and every tenth size."""
-    began, found = time.perf_counter(), Outcome()
+def run(case: Case, variant: Variant, quick: bool = False) -> CaseOutcome:
+    """Run all sizes of a case in a variant; quick: fewer frames, and every tenth size."""
+    found = CaseOutcome(0, 0, "", {})
     for size in case.sizes[:: 10 if quick else 1]:
-        found = worst(found, _Run(case, variant, size, quick).outcome())
-    return found._replace(seconds=time.perf_counter() - began)
+        one = CaseRun(case, variant, size, quick).play()
+        found = CaseOutcome(
+            found.substeps + one.substeps,
+            found.blowups + one.blowups,
+            found.cause or one.cause,
+            checks.fold(found.values, one.values),
+        )
+    return found
 
 
-class _Run:
-    """One simulation of a case."""
+class CaseRun:
+    """One simulation of a case, as the checks see it.
 
-    def __init__(self, case: Case, variant: Variant, size: Any, quick: bool) -> None:
-        self.case, self.variant, self.size, self.quick = case, variant, size, quick
-        self.dtype, self.frames = case.precision(variant), case.lasts(variant, quick)
-        self.scene = case.scene(variant, size, quick)
-        self.sim = Simulation(self.scene, self.dtype, threads=1)
-        self.start = self.sim.diagnostics()["density_error"], self._least()
+    sim, scene, dtype: what runs; report: of the last frame; stable_dt: the stable step [s] at its
+    start; numbers: diagnostics after it; began: those of the start, momentum (2,) [kg/s] and
+    least_density [rho0] too; fastest: largest speed so far [m/s]; energy_rise: of the energy from
+    nowhere above the least before, as a share of what is at stake; values: of checks, so far.
+    """
+
+    def __init__(self, case: Case, variant: Variant, size: Any = None, quick: bool = False) -> None:
+        self.case: Case = case
+        self.variant, self.size, self.quick = variant, size, quick
+        self.dtype: str = case.precision(variant)
+        self.frames: int = case.n_frames(variant, quick)
+        self.scene: Scene = case.scene(variant, size, quick)
+        self.sim: Simulation = Simulation(self.scene, self.dtype, threads=1)
+        self.momentum: Any = checks.momentum(self.sim)
+        self.least_density: float = self.density(np.min)
+        self.report: Report = Report(0, 0.0)
+        self.stable_dt: float = math.inf
+        self.substeps, self.fastest = 0, 0.0
+        self.energy_rise: float = 0.0
+        self.values: dict[str, float] = {}
         self._least_surplus = self.sim.energy_surplus
-        self._taken: WeakKeyDictionary[Simulation, int] = WeakKeyDictionary()
-        self._begin: tuple[int, dict[str, Any] | None] = 0, None
+        self._frames_done: WeakKeyDictionary[Simulation, int] = WeakKeyDictionary()
+        self._branch: tuple[int, dict[str, Any] | None] = 0, None
+        self.look()
+        self.began: dict[str, float] = self.numbers
+
+    def play(self) -> CaseOutcome:
+        """Run it to its end or its blow-up, look at every frame, compare it with others."""
+        self._measure(FRAME)
+        self._measure(COMPARISON)
+        for frame in range(self.frames):
+            if frame == max(self.frames // 4, 1):
+                # not only the hard start itself, but what became of it
+                self.branch(frame)
+                self._measure(COMPARISON)
+            self.step(frame)
+            if self.report.diverged:
+                break
+        self._measure(END)
+        return CaseOutcome(self.substeps, int(self.report.diverged), self.report.cause, self.values)
+
+    def step(self, frame: int) -> None:
+        """Run the next frame, and look at it."""
+        self.report = self.advance(self.sim)
+        self.look()
+        self._measure(FRAME)
+        if 2 * frame >= self.frames:
+            self._measure(LATE)
 
     def advance(self, sim: Simulation) -> Report:
-        """About a frame, with the controls that the case sets: as many steps as there is room for.
+        """Run about a frame, with the controls of the case: as many steps as there is room for.
 
         Not just a frame, into which no long step fits as it is.
         """
-        self._set_controls(sim)
+        frame = self._frames_done.get(sim, 0)
+        self._frames_done[sim] = frame + 1
+        sim.controls = self.case.steer(sim, frame)
+        # at the stiffness that is set; to set it for this only would count as energy at stake
+        self.stable_dt = sim.stable_dt()
         dt = sim.controls.dt
         return sim.advance(max(round(self.scene.frame / dt), 1) * dt)
 
-    def _set_controls(self, sim: Simulation) -> None:
-        frame = self._taken.get(sim, 0)
-        self._taken[sim] = frame + 1
-        sim.controls = self.case.steer(sim, frame)
-        # at the stiffness that is set; to set it for this only would count as energy at stake
-        self.stable = sim.stable_dt()
+    def look(self) -> None:
+        """Bring the numbers up to date with the simulation."""
+        self.numbers: dict[str, float] = self.sim.diagnostics()
+        self.fastest = max(self.fastest, self.numbers["max_speed"])
+        self.substeps += self.report.n_substeps
+        surplus = self.sim.energy_surplus
+        self._least_surplus = min(self._least_surplus, surplus)
+        self.energy_rise = (surplus - self._least_surplus) / self.sim.energy_at_stake
 
-    def _twin(self, neighbors: str = "grid", threads: int = 1) -> Simulation:
-        """Another simulation, at the moment from which runs are compared."""
+    def _measure(self, moment: tuple[str, ...]) -> None:
+        self.values = checks.fold(self.values, checks.measure(self, moment))
+
+    def branch(self, frame: int) -> None:
+        """Let copies go on from the present state, which `frame` frames have led to."""
+        self._branch = frame, self.sim.snapshot()
+
+    def copy(self, neighbors: str = "grid", threads: int = 1) -> Simulation:
+        """Return another simulation, at the moment from which runs are compared."""
         sim = Simulation(self.scene, self.dtype, neighbors, threads=threads)
-        self._taken[sim], state = self._begin
+        self._frames_done[sim], state = self._branch
         if state is not None:
             sim.restore(state)
         return sim
 
-    def outcome(self) -> Outcome:
-        """Run it, look at every frame, then compare."""
-        found = worst(self._look(Report(0, 0.0), 0), self._compare())
-        start, mass = checks.momentum(self.sim), self.sim.mass * self.sim.n_fluid
-        for frame in range(self.frames):
-            if frame == max(self.frames // 4, 1):
-                # not only the hard start itself, but what became of it
-                self._begin = frame, self.sim.snapshot()
-                found = worst(found, self._compare())
-            found = worst(found, self._frame(frame))
-            if found.blowups:
-                break
-        drift = float(np.hypot(*(checks.momentum(self.sim) - start)))
-        share = drift / (mass * max(found.fastest, 1e-3 * self.scene.fluid.c0))
-        found = found._replace(drift=share, happened=self._happened())
-        return worst(worst(found, self._exactness()), self._beside(found.clumping))
-
-    def _frame(self, frame: int) -> Outcome:
-        """The next one, and how long its steps were, in stable ones of its start."""
-        report = self.advance(self.sim)
-        return self._look(report, frame)._replace(step=report.dt / self.stable)
-
-    def _happened(self) -> float:
-        """What the case asks for, since the start."""
-        start = Simulation(self.scene, self.dtype, threads=1)
-        return self.case.event.measure(start, self.sim)
-
-    def _beside(self, clumping: float) -> Outcome:
-        """What of it differs from the case that it must be like."""
+    @cached_property
+    def twin(self) -> "CaseRun | None":
+        """The run of the case that it must be like, at its end; None if there is none."""
         if self.case.twin is None:
-            return Outcome()
-        twin = self.case.twin._replace(frames=self.case.frames, quick=self.case.quick)
-        other = _Run(twin, self.variant, self.size, self.quick)
-        close = max(other._look(other.advance(other.sim), k).clumping for k in range(self.frames))
-        gap = checks.moved_gap(self.scene, self.sim, other.scene, other.sim)
-        return Outcome(unlike=gap, clumped=clumping - close)
+            return None
+        case = self.case.twin._replace(frames=self.case.frames, quick=self.case.quick)
+        twin = CaseRun(case, self.variant, self.size, self.quick)
+        for frame in range(self.frames):
+            twin.step(frame)
+        return twin
 
-    def _look(self, report: Report, frame: int) -> Outcome:
-        sim = self.sim
-        numbers = sim.diagnostics()
-        late = 2 * frame >= self.frames
-        surplus = sim.energy_surplus
-        self._least_surplus = min(self._least_surplus, surplus)
-        return Outcome(
-            substeps=report.n_substeps,
-            blowups=int(report.diverged),
-            cause=report.cause,
-            silent=int(checks.is_silent(sim, report)),
-            passed=self.case.passed(sim),
-            held=held_by_box(sim),
-            excess=numbers["energy_excess"],
-            rise=(surplus - self._least_surplus) / sim.energy_at_stake,
-            kinetic=self._unrest(numbers["kinetic_energy"]),
-            gain=numbers["density_error"] - self.start[0],
-            burst=numbers["density_error"] if report.n_substeps else 0.0,
-            density=numbers["density_error"] if late else 0.0,
-            p99=numbers["density_error_p99"] if late else 0.0,
-            clumping=numbers["clumping"] if late else 0.0,
-            peak=self._most() if late else 0.0,
-            lowest=self._least() / checks.least_possible(sim),
-            highest=self._most() / checks.least_possible(sim),
-            left=self._least() / self.start[1],
-            typical=self._median(),
-            fastest=numbers["max_speed"],
-        )
+    def happened(self) -> float:
+        """Return how much of the event of the case has happened since the start."""
+        start = see(Simulation(self.scene, self.dtype, threads=1))
+        return self.case.event.measure(start, see(self.sim))
 
-    def _least(self) -> float:
-        """The smallest rho / rho0."""
-        return float(self.sim.rho[: self.sim.n_fluid].min()) / self.scene.fluid.rho0
-
-    def _most(self) -> float:
-        """The largest rho / rho0."""
-        return float(self.sim.rho[: self.sim.n_fluid].max()) / self.scene.fluid.rho0
-
-    def _unrest(self, kinetic: float) -> float:
-        """Kinetic energy [m g H] of what should be at rest by now."""
-        if self.case.calm is None or self.sim.time < self.case.calm[0]:
-            return 0.0
-        return kinetic / (tanks.weight(self.sim) * hydrostatic_tank.depth_of(self.scene))
-
-    def _median(self) -> float:
-        """rho / rho0 of the particle in the middle."""
-        return float(np.median(self.sim.rho[: self.sim.n_fluid])) / self.scene.fluid.rho0
-
-    def _exactness(self) -> Outcome:
-        """How far grid and brute force are apart on the present state, of all or of a sample."""
-        gap = checks.grid_gap if self._affordable else checks.sample_gap
-        return Outcome(grid=gap(self.sim))
+    def density(self, extreme: Any) -> float:
+        """Return a statistic, such as `np.min`, of the densities of the fluid [rho0]."""
+        return float(extreme(self.sim.rho[: self.sim.n_fluid])) / self.scene.fluid.rho0
 
     @property
-    def _affordable(self) -> bool:
-        return self.sim.n_particles <= AFFORDABLE
+    def is_affordable(self) -> bool:
+        """Whether brute force is asked about all particles."""
+        return self.sim.n_particles <= checks.AFFORDABLE
 
-    def _compare(self) -> Outcome:
-        """The present state by brute force, and how it goes on on two threads and without grid."""
-        frames = min(COMPARED, self.frames)
-        found = Outcome(threads=checks.threads_differ(self._twin, self.advance, frames))
-        found = worst(found, self._exactness())
-        if self.dtype != "float64" or not self._affordable:
-            return found
-        return worst(found, Outcome(observables=checks.run_gap(self._twin, self.advance, frames)))
+
+# --- Rows -----------------------------------------------------------------------------------
+
+Runs = Sequence[tuple[Variant, CaseOutcome]]
+
+
+def rows(case: Case, found: Runs, quick: bool = False) -> Iterator[Row]:
+    """Yield every check of a case, with the variant that is worst at it."""
+    substeps = float(sum(one.substeps for _, one in found))
+    yield Row("substeps", case.name, substeps, "")
+    blowups = [(variant, one) for variant, one in found if one.blowups]
+    names = ", ".join(f"{variant.name}: {one.cause}" for variant, one in blowups)
+    label = f"{case.name} ({names})" if names else case.name
+    yield Row("reported blow-ups", label, float(len(blowups)), "", 0.0 if case.stable else None)
+    if not case.stable:
+        odd = float(sum(one.cause not in case.causes for _, one in blowups))
+        yield Row("blow-ups whose cause is not that of the case", label, odd, "", 0.0)
+    for check in CHECKS:
+        if not check.optional or check.name in case.bounds:
+            yield from _check_rows(case, check, found, quick)
+
+
+def _check_rows(case: Case, check: Check, found: Runs, quick: bool) -> Iterator[Row]:
+    """Yield a row for every bound, since precisions and kernels may have their own."""
+    by_bound: dict[float | None, list[Row]] = {}
+    for variant, one in found:
+        # a run that blew up may be anything by then; one that did not is held to all of it
+        asked = check.after_blowup or case.stable or not one.blowups
+        if asked and check.name in one.values:
+            row = _row(case, check, variant, one.values[check.name], quick)
+            limit = None if quick else known_limit(case.name, variant.name, check.name)
+            if limit is None or row.holds:
+                by_bound.setdefault(row.bound, []).append(row)
+            else:
+                yield LimitRow(*row)._replace(case=f"{row.case} ({LABEL})", bound=limit.bound)
+    for bound in sorted(by_bound, key=lambda bound: math.inf if bound is None else bound):
+        values = np.array([row.value for row in by_bound[bound]])
+        # unlike Python's extremes, those of numpy are nan wherever a value is
+        yield by_bound[bound][int(values.argmin() if check.at_least else values.argmax())]
+
+
+def _row(case: Case, check: Check, variant: Variant, value: float, quick: bool) -> Row:
+    title, unit = (case.event if check.name == "happened" else check[1:])[:2]
+    label = case.name if value == 0 else f"{case.name}, {variant.name}"
+    bound = case.bound(check.name, variant, quick)
+    return Row(title, label, value, unit, bound, check.at_least)
+
+
+def summary(found: Mapping[str, tuple[Case, Runs]]) -> Iterator[Row]:
+    """Yield what must hold over all cases."""
+    runs = [(case, one) for case, several in found.values() for _, one in several]
+    least = min(len(several) for _, several in found.values())
+    yield Row("cases", "all", float(len(found)), "", 30.0, at_least=True)
+    yield Row("variants of each, at least", "all", float(least), "", 3.0, at_least=True)
+    stable = sum(one.blowups for case, one in runs if case.stable)
+    yield Row("blow-ups at or below the stable step", "all", float(stable), "", 0.0)
+    compared, n = float(sum("grid" in one.values for _, one in runs)), len(runs)
+    title = "runs compared with brute force"
+    yield Row(title, "all", compared, f"of {n}", float(n), at_least=True)
+    for name in ("silent", "passed"):
+        total = float(sum(one.values.get(name, 0.0) for _, one in runs))
+        yield Row(BY_NAME[name].title, "all", total, "", 0.0)

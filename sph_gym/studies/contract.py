@@ -10,8 +10,9 @@ from gymnasium import spaces
 from sph_gym.env import rewards
 from sph_gym.env.episode import INFO
 from sph_gym.env.tuning import TuningEnv
-from sph_gym.solver.diagnostics import Ledger
+from sph_gym.solver.energy import Ledger
 from sph_gym.solver.failure import CAUSES
+from sph_gym.solver.integrators import TOP_SPEED
 
 PROMISES = (
     "observation in its space",
@@ -23,11 +24,9 @@ PROMISES = (
     "wrong action refused",
 )
 OBSERVATION, REWARD, INFOS, STATE, BLOWUP, ROLLBACK, REFUSED = PROMISES
-
-# Faster than this [m/s] counts as a blow-up.
-FASTEST = 5000.0
 MOST_EXAMPLES = 5
 
+# Actions that are none, of the continuous and of the discrete space.
 _HUGE = 10**400
 NO_VECTORS: tuple[Any, ...] = (
     [math.nan, 0, 0], [0, math.inf, 0], [0, 0, -math.inf], [1.001, 0, 0], [0, -1e30, 0], [0, 0],
@@ -40,34 +39,33 @@ NO_NUMBERS: tuple[Any, ...] = (
 )  # fmt: skip
 
 
-class Witness:
-    """Watches one environment; `violations` counts broken promises.
+class ContractChecker:
+    """Checks one environment step by step.
 
-    blowups: by cause; taken_back: how many rollbacks; refused: how many actions that were none.
+    violations: broken promises, counted; examples: the first of them, as text; blowups: by cause;
+    rolled_back: how many rollbacks; refused: how many actions that were none.
     """
 
     def __init__(self, env: TuningEnv) -> None:
         self._env = env
         self.violations, self.blowups = Counter[str](), Counter[str]()
-        self.taken_back = self.refused = 0
+        self.rolled_back = self.refused = 0
         self.examples: list[str] = []
         self._time, self._in_a_row = 0.0, 0
         self._snapshot: dict[str, Any] | None = None
 
-    def _demand(self, promise: str, holds: bool, what: Any = "") -> None:
+    def _demand(self, promise: str, holds: bool, evidence: Any = "") -> None:
         if holds:
             return
         self.violations[promise] += 1
         if len(self.examples) < MOST_EXAMPLES:
             where = f"{self._env.instance_id}, step {self._env.episode.step}"
-            self.examples.append(f"{promise}: {where}: {what!r}")
-
-    # --- every step -------------------------------------------------------------------------
+            self.examples.append(f"{promise}: {where}: {evidence!r}")
 
     def began(self, observation: Any, info: dict[str, Any]) -> None:
-        """Look at what a reset returned."""
+        """Check what a reset returned."""
         self._in_a_row = 0
-        self._look(observation, info)
+        self._check_observation_and_info(observation, info)
         self._demand(BLOWUP, info["blowup"] == 0.0 and info["time"] == 0.0, info)
 
     def before(self) -> None:
@@ -79,12 +77,21 @@ class Witness:
     def after(
         self, observation: Any, reward: Any, terminated: Any, truncated: Any, info: dict[str, Any]
     ) -> None:
-        """Look at what a step returned."""
-        self._look(observation, info)
-        self._weigh(reward, info)
-        self._follow(bool(terminated), bool(truncated), info)
+        """Check what a step returned."""
+        self._check_observation_and_info(observation, info)
+        self._check_reward(reward, info)
+        blowup, most = info["blowup"] == 1.0, self._env.rules.rollbacks
+        back = blowup and self._in_a_row < most
+        self._in_a_row = self._in_a_row + 1 if back else 0
+        self._demand(BLOWUP, bool(terminated) == (blowup and not back), info)
+        self._demand(BLOWUP, not (terminated and truncated), info)
+        self._demand(ROLLBACK, info["rollbacks"] == self._in_a_row, info)
+        self._check_blowup(blowup, info)
+        if back:
+            self.rolled_back += 1
+            self._demand(ROLLBACK, same(self._snapshot, self._env.sim.snapshot()), info)
 
-    def _look(self, observation: Any, info: dict[str, Any]) -> None:
+    def _check_observation_and_info(self, observation: Any, info: dict[str, Any]) -> None:
         space = self._env.observation_space
         inside = space.contains(observation) and bool(np.isfinite(observation).all())
         self._demand(OBSERVATION, inside, observation)
@@ -98,7 +105,7 @@ class Witness:
         finite = all(bool(np.isfinite(column).all()) for column in (sim.x, sim.v, sim.rho, sim.p))
         self._demand(STATE, finite and math.isfinite(sim.time), sim.time)
 
-    def _weigh(self, reward: Any, info: dict[str, Any]) -> None:
+    def _check_reward(self, reward: Any, info: dict[str, Any]) -> None:
         terms = [info[f"reward_{term}"] for term in rewards.TERMS]
         if np.ndim(reward):
             equal = np.array_equal(reward, np.array(terms, np.float32))
@@ -106,37 +113,24 @@ class Witness:
             equal = math.isclose(float(reward), math.fsum(terms), rel_tol=1e-12, abs_tol=1e-12)
         self._demand(REWARD, bool(np.isfinite(reward).all()) and equal, (reward, terms))
 
-    def _follow(self, terminated: bool, truncated: bool, info: dict[str, Any]) -> None:
-        env, sim = self._env, self._env.sim
-        blowup, frame = info["blowup"] == 1.0, env.episode.scene.frame
-        most = env.rules.rollbacks
-        back = blowup and self._in_a_row < most
+    def _check_blowup(self, blowup: bool, info: dict[str, Any]) -> None:
+        sim, frame = self._env.sim, self._env.episode.scene.frame
         self._demand(BLOWUP, blowup == (info["blowup_cause"] in CAUSES), info)
         self._demand(BLOWUP, blowup == (info["time_to_failure"] >= 0), info)
         self._demand(BLOWUP, blowup == (info["blowup_substep"] >= 0), info)
-        self._demand(BLOWUP, terminated == (blowup and not back), info)
-        self._demand(BLOWUP, not (terminated and truncated), info)
-        self._in_a_row = self._in_a_row + 1 if back else 0
-        self._demand(ROLLBACK, info["rollbacks"] == self._in_a_row, info)
         if blowup:
             self.blowups[info["blowup_cause"]] += 1
             late = info["time_to_failure"] - self._time
             self._demand(BLOWUP, 0 <= late <= (1 + 1e-6) * frame, info)
-        else:
-            # a flow that is none any more must not pass for one
-            numbers = sim.diagnostics()
-            sane = numbers["max_speed"] <= FASTEST
-            sane = sane and numbers["energy_excess"] <= Ledger.TOLERANCE
-            self._demand(BLOWUP, sane and info["blowup_cause"] == "", numbers)
-            self._demand(STATE, math.isclose(sim.time, self._time + frame), sim.time)
-        if back:
-            self.taken_back += 1
-            self._demand(ROLLBACK, same(self._snapshot, sim.snapshot()), info)
-
-    # --- what is no action ------------------------------------------------------------------
+            return
+        # a flow that is none any more must not pass for one
+        numbers = sim.diagnostics()
+        sane = numbers["max_speed"] <= TOP_SPEED and numbers["energy_excess"] <= Ledger.TOLERANCE
+        self._demand(BLOWUP, sane and info["blowup_cause"] == "", numbers)
+        self._demand(STATE, math.isclose(sim.time, self._time + frame), sim.time)
 
     def try_nonsense(self, k: int) -> None:
-        """An action that is none must raise ValueError and leave everything as it is."""
+        """Check that an action that is none raises ValueError and leaves everything as it is."""
         env = self._env
         if env.episode.over:
             return
@@ -154,7 +148,7 @@ class Witness:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether nested dictionaries, sequences and arrays are equal to the last bit."""
+    """Return whether nested dictionaries, sequences and arrays are equal to the last bit."""
     if isinstance(one, dict):
         return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
     if isinstance(one, (list, tuple)):

@@ -110,7 +110,7 @@ def pytest_terminal_summary(terminalreporter, config):
     memories = ", ".join(f"{worker['memory']:.2f} GB" for worker in _workers)
     terminalreporter.section("compile budget")
     terminalreporter.line(
-        f"{len(versions)} solver versions in {compiled} compilations (at most {MAX_VERSIONS}); "
+        f"{len(versions)} solver versions (at most {MAX_VERSIONS}) in {compiled} compilations; "
         f"peak memory of the workers: {memories} (at most {MAX_MEMORY} GB)"
     )
     if _fails(config):

@@ -41,7 +41,7 @@ def _configuration(item):
     parameters = item.callspec.params if hasattr(item, "callspec") else {}
     if "configuration" not in parameters:
         return ()
-    return parameters["configuration"], parameters.get("dtype", "float64")
+    return str(parameters["configuration"]), str(parameters.get("dtype", "float64"))
 
 
 def pytest_collection_finish():

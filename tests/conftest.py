@@ -41,7 +41,7 @@ def _configuration(item):
     parameters = item.callspec.params if hasattr(item, "callspec") else {}
     if "configuration" not in parameters:
         return ()
-    return parameters["configuration"], parameters.get("dtype", "float64")
+    return str(parameters["configuration"]), str(parameters.get("dtype", "float64"))
 
 
 def pytest_collection_finish():
@@ -110,7 +110,7 @@ def pytest_terminal_summary(terminalreporter, config):
     memories = ", ".join(f"{worker['memory']:.2f} GB" for worker in _workers)
     terminalreporter.section("compile budget")
     terminalreporter.line(
-        f"{len(versions)} solver versions in {compiled} compilations (at most {MAX_VERSIONS}); "
+        f"{len(versions)} solver versions (at most {MAX_VERSIONS}) in {compiled} compilations; "
         f"peak memory of the workers: {memories} (at most {MAX_MEMORY} GB)"
     )
     if _fails(config):

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
-import numpy as np
 import pandas as pd
 
 from agents import policies
@@ -19,6 +18,7 @@ from sph_gym.env.instances import ODD, SIZES, shift
 from sph_gym.files import atomic_write
 from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import known
+from sph_gym.studies.averages import bootstrap_interval
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import print_table
 
@@ -148,18 +148,6 @@ def write_csv(table: pd.DataFrame, path: Path) -> None:
         table.to_csv(draft, index=False)
 
 
-def interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Return the mean and the ends of its 95 % bootstrap confidence interval."""
-    from scipy.stats import bootstrap
-
-    values = np.asarray(values, dtype=float)
-    mean = float(values.mean())
-    if len(values) < 2 or np.ptp(values) == 0:
-        return mean, mean, mean
-    found = bootstrap((values,), np.mean, method="percentile", rng=0).confidence_interval
-    return mean, float(found.low), float(found.high)
-
-
 def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
     """Return one row an agent, best return first: mean and interval of every measure."""
     rows = []
@@ -167,7 +155,7 @@ def summary_table(runs: pd.DataFrame) -> pd.DataFrame:
         row: dict[str, Any] = {"agent": agent, "runs": len(group)}
         for measure in MEASURES:
             scale = 100.0 if measure in PERCENT else 1.0
-            bounds = interval(scale * group[measure].to_numpy())
+            bounds = bootstrap_interval(scale * group[measure].to_numpy())
             row |= dict(zip((measure, f"{measure}_low", f"{measure}_high"), bounds, strict=True))
         rows.append(row)
     return pd.DataFrame(rows).sort_values("return", ascending=False, ignore_index=True)

@@ -21,9 +21,9 @@ from matplotlib.ticker import (
 )
 from numpy.typing import NDArray
 
-from agents.evaluate import interval
 from agents.styles import AgentStyle, Line, style_of
 from sph_gym.env.rewards import TERMS, Tolerances
+from sph_gym.studies.averages import bootstrap_interval
 
 # Markers look equally large at these sizes; a circle stays visible below a square.
 SIZES = {"o": 1.25, "s": 0.85, "P": 1.2, "*": 1.5, "p": 1.2}
@@ -86,7 +86,7 @@ def _return_row(ax: Axes, row: int, agent: str, runs: pd.DataFrame) -> None:
         values[~blown], heights[~blown], s=24, color=style.colour, alpha=0.35, lw=0, zorder=2
     )
     ax.scatter(values[blown], heights[blown], s=30, color=style.colour, marker="x", lw=1.4)
-    mean, low, high = interval(values)
+    mean, low, high = bootstrap_interval(values)
     ax.plot([low, high], [row, row], color=style.colour, lw=3, zorder=3, solid_capstyle="butt")
     _mark(ax, mean, row, style, 10)
 

@@ -107,6 +107,22 @@ def artificial_viscosity(alpha, given):
     return ArtificialViscosity(2 * alpha * given.c0 * given.h)
 
 
+@jitable
+def add_artificial_viscosity(effect, pair, stress):
+    """Pi_ij = - alpha c0 h v.r / ((r^2 + eta^2) rho_mean) for pairs that approach.
+
+    eta^2 = 0.01 h^2.
+    """
+    if effect is None:
+        return stress
+    approach = pair.slip_u * pair.dx + pair.slip_v * pair.dy
+    approach = minimum(approach, like(approach, 0.0))
+    return stress - effect.strength * (approach * pair.inv_rho_r2)
+
+
+# --- Quadratic viscosity --------------------------------------------------------------------
+
+
 class QuadraticViscosity(NamedTuple):
     """strength: 2 beta h^2 [m^2]."""
 
@@ -120,19 +136,6 @@ def quadratic_viscosity(beta, given):
     Source: Monaghan 1992, eq. 4.1, the beta term.
     """
     return QuadraticViscosity(2 * beta * given.h**2)
-
-
-@jitable
-def add_artificial_viscosity(effect, pair, stress):
-    """Pi_ij = - alpha c0 h v.r / ((r^2 + eta^2) rho_mean) for pairs that approach.
-
-    eta^2 = 0.01 h^2.
-    """
-    if effect is None:
-        return stress
-    approach = pair.slip_u * pair.dx + pair.slip_v * pair.dy
-    approach = minimum(approach, like(approach, 0.0))
-    return stress - effect.strength * (approach * pair.inv_rho_r2)
 
 
 @jitable

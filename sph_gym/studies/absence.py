@@ -49,7 +49,7 @@ def terms(effect: str) -> tuple[str, ...]:
     return tuple(
         name
         for name, line in lines.items()
-        if name.startswith("add_") and own == [b for b in begins if b < line][-1:]
+        if name.startswith("add_") and own and own == [b for b in begins if b < line][-1:]
     )
 
 

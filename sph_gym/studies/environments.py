@@ -131,7 +131,7 @@ def side_by_side(track: Track, plan: EnvironmentPlan) -> Iterator[Row]:
 # --- Python ---------------------------------------------------------------------------------
 
 # Functions of `sph_gym.solver.stepping`, in the order in which a step calls them.
-COMPILED = ("renew_pressures", "advance", "examine")
+COMPILED = ("advance", "examine")
 
 
 @contextmanager

@@ -130,8 +130,3 @@ def _settings(env: TuningEnv, n: int, grid: StaticGrid) -> list[Setting]:
         if low <= courant <= high:
             settings.append(tuple(actions.locate(courant, sound, xsph).tolist()))
     return settings
-
-
-def kept(folder: Path, key: Any, compute: Callable[[], Any]) -> Any:
-    """Return what `compute` returns, from the folder if it was computed before."""
-    return Results(folder, "studies/episodes.py").get(key, compute)

@@ -12,9 +12,14 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.walls import PRESSURES, SLIPS, Walls
 
 # Effects of the whole fluid, and values for scenes that don't name them: far inside of what the
-# time step allows. Those that need another effect are left out.
+# time step allows. Densities by continuity keep columns of their own in the state, so that they
+# can't be compared from the same start.
 TYPICAL: dict[str, Callable[[Scene], Any]] = {
-    **{each.name: each.typical for each in registry.EFFECTS if each.needs is None},
+    **{
+        e.name: e.typical
+        for e in registry.EFFECTS
+        if "continuity" not in (e.name, *(e.needs or ()))
+    },
     "gravity": lambda scene: (0.0, -9.81),
 }
 UNIFORM = tuple(TYPICAL)

@@ -95,7 +95,7 @@ def _means_beside(ax: Axes, order: Sequence[str], runs: pd.DataFrame) -> None:
     """Write means and intervals to the right, under a heading above the first row."""
     texts = ["mean (95 % interval)"]
     for agent in order:
-        mean, low, high = interval(runs[runs["agent"] == agent]["return"].to_numpy())
+        mean, low, high = bootstrap_interval(runs[runs["agent"] == agent]["return"].to_numpy())
         text = f"{mean:.2f}  ({low:.2f} to {high:.2f})"
         texts.append(text.replace("-", "\N{MINUS SIGN}"))
     ax.set_ylim(len(order) - 0.5, -1.0)
@@ -141,7 +141,10 @@ def plot_cost_against_error(runs: pd.DataFrame, path: Path) -> None:
 
 def _cross(ax: Axes, x: pd.Series, y: pd.Series, style: AgentStyle, blown: bool) -> None:
     """Mark mean and interval both ways, hollow if any of the runs blew up."""
-    (x_mean, *x_ends), (y_mean, *y_ends) = interval(x.to_numpy()), interval(y.to_numpy())
+    (x_mean, *x_ends), (y_mean, *y_ends) = (
+        bootstrap_interval(x.to_numpy()),
+        bootstrap_interval(y.to_numpy()),
+    )
     ax.plot(x_ends, [y_mean, y_mean], color=style.colour, lw=1.6, zorder=2)
     ax.plot([x_mean, x_mean], y_ends, color=style.colour, lw=1.6, zorder=2)
     _mark(ax, x_mean, y_mean, style, 9, hollow=blown)

@@ -1,5 +1,6 @@
 """Every check of the hard cases can fail, and measures what it says."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -302,3 +303,13 @@ def test_a_list_that_misses_neighbours_is_seen():
     assert 0 < comparisons.sample_gap(sim) < checks.SAME["float64"]
     sim.engine.fluid.rho[5] *= 1 + 1e-9
     assert comparisons.grid_gap(sim) > checks.SAME["float64"]
+
+
+@pytest.mark.parametrize("name", ["colliding patches", "far from the origin, in a tank"])
+def test_a_sample_is_compared_in_single_precision_too(name):
+    # as far from its origin as a large flow is in multiples of its spacing, or farther
+    scene = CASES[name].scene(AS_IT_IS)
+    if name == "colliding patches":
+        scene = dataclasses.replace(scene, x=np.add(scene.x, 1e3))
+    sim = Simulation(scene, "float32", threads=1)
+    assert 0 < comparisons.sample_gap(sim) < checks.SAME["float32"]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sph_gym.solver import engine, teams
+from sph_gym.solver.origin import moved, origin
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.walls import Walls
@@ -69,22 +70,35 @@ def grid_gap(sim: Simulation) -> float:
 def sample_gap(sim: Simulation) -> float:
     """Return `grid_gap` of random particles, each against brute force on all within 2 h of it.
 
-    The densities of its neighbours, which its acceleration depends on, need no more. Positions
-    are those of `sim.x`, so that a flow in float32 must lie near the origin.
+    The densities of its neighbours, which its acceleration depends on, need no more. Boundary
+    particles must be at rest.
     """
     sim.evaluate()
-    x, v = (np.asarray(a, np.float64) for a in (sim.x, sim.v))
     rng = np.random.default_rng(0)
     chosen = rng.choice(sim.n_fluid, min(SAMPLE, sim.n_fluid), replace=False)
-    return greatest([_patch_gap(sim, x, v, int(i)) for i in chosen])
+    scene, x = _from_origin(sim)
+    return greatest([_patch_gap(sim, scene, x, int(i)) for i in chosen])
 
 
-def _patch_gap(sim: Simulation, x: Any, v: Any, i: int) -> float:
-    n = sim.n_fluid
-    near = np.hypot(*(x - x[i]).T) < 2.001 * sim.scene.h
+def _from_origin(sim: Simulation) -> tuple[Scene, Any]:
+    """Return the scene and the positions (n, 2) [m], counted from where the solver counts.
+
+    Counted from afar, single precision would have no digits for the distances within a patch.
+    """
+    start, fluid = origin(sim.scene, sim.x.dtype), sim.snapshot()["fluid"]
+    scene = moved(sim.scene, -start)
+    x = np.stack([fluid["x"], fluid["y"]], axis=-1)[np.argsort(fluid["id"])]
+    if scene.walls is not None and scene.walls.particles is not None:
+        x = np.concatenate([x, np.asarray(scene.walls.particles).astype(x.dtype)])
+    return scene, x.astype(np.float64)
+
+
+def _patch_gap(sim: Simulation, scene: Scene, x: Any, i: int) -> float:
+    n, v = sim.n_fluid, sim.v.astype(np.float64)
+    near = np.hypot(*(x - x[i]).T) < 2.001 * scene.h
     fluid, wall = near[:n], x[n:][near[n:]]
     walls = Walls(wall) if len(wall) else None
-    patch = dataclasses.replace(sim.scene, x=x[:n][fluid], v=v[:n][fluid], walls=walls)
+    patch = dataclasses.replace(scene, x=x[:n][fluid], v=v[:n][fluid], walls=walls)
     brute = Simulation(patch, sim.dtype, "brute", threads=1)
     brute.controls = sim.controls
     return _field_gap(sim, i, brute, int(fluid[:i].sum()))

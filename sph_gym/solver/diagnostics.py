@@ -140,14 +140,43 @@ def survey(cells, model, request, columns, numbers):
     nearest other fluid particle [m^2] (inf if none is within h), number of all others within h;
     for a `Survey` the last two are used up.
     """
-    ax, ay, nearest, counts = columns[0], columns[1], columns[2], columns[3]
     if request[0] >= NEIGHBORS:
-        look_around(cells, model, nearest, counts)
+        look_around(cells, model, columns[2], columns[3])
     if request[0] >= ALL:
-        fluid, inv_rho0 = cells.fluid, float(model.eos.inv_rho0)
-        _survey_spacing(fluid.id.size, nearest, counts, request[6], numbers)
-        _survey_forces(fluid.id.size, ax, ay, request[2], request[3], numbers)
-        _survey_places(fluid, counts, inv_rho0, request[4], request[5], numbers)
+        _sum_survey(cells.fluid, float(model.eos.inv_rho0), request, columns, numbers)
+
+
+@jitable
+def _sum_survey(fluid, inv_rho0, request, columns, numbers):
+    # in one function, so that one rounding of 1 / n serves all means
+    n = fluid.id.size
+    ax, ay, nearest, counts = columns[0], columns[1], columns[2], columns[3]
+    gx, gy, com_x, com_y, clumped = request[2], request[3], request[4], request[5], request[6]
+    pull2 = gx * gx + gy * gy
+    near = surface = adrift = 0
+    neighbors, fastest, lowest, closest, front = 0.0, 0.0, np.inf, np.inf, -np.inf
+    extent_x = extent_y = 0.0
+    for i in range(n):
+        distance = math.sqrt(float(nearest[i]))
+        closest = min(closest, distance)
+        near += 1 if distance < clumped else 0
+        nearest[i] = distance
+        neighbors += float(counts[i])
+        x, y = float(ax[i]), float(ay[i])
+        fastest = max(fastest, x * x + y * y)
+        adrift += 1 if (x - gx) ** 2 + (y - gy) ** 2 < 0.01 * pull2 else 0
+        ratio = float(fluid.rho[i]) * inv_rho0
+        surface += 1 if ratio < 0.9 else 0
+        x, y = float(fluid.x[i]), float(fluid.y[i])
+        lowest, front = min(lowest, y), max(front, x)
+        extent_x += (x - com_x) ** 2
+        extent_y += (y - com_y) ** 2
+        counts[i] = max(ratio - 1.0, 0.0)
+    numbers[0], numbers[1] = quantile(counts, n, 0.99), near / n
+    numbers[2], numbers[3] = closest, quantile(nearest, n, 0.5)
+    numbers[4], numbers[5], numbers[6] = neighbors / n, surface / n, adrift / n
+    numbers[7], numbers[8], numbers[9] = fastest, lowest, front
+    numbers[10], numbers[11] = math.sqrt(extent_x / n), math.sqrt(extent_y / n)
 
 
 @jitable
@@ -187,49 +216,6 @@ def _count(x, y, sources, lists, first, last, i, model, nearest, count):
         nearest = minimum(nearest, select(near, other, far))
         count += select(near, one, zero)
     return nearest, count
-
-
-@jitable
-def _survey_spacing(n, nearest, counts, clumped, numbers):
-    """Fill in clumping, distances to the nearest other and the mean number of neighbours."""
-    near, neighbors, closest = 0, 0.0, np.inf
-    for i in range(n):
-        distance = math.sqrt(float(nearest[i]))
-        closest = min(closest, distance)
-        near += 1 if distance < clumped else 0
-        nearest[i] = distance
-        neighbors += float(counts[i])
-    numbers[1], numbers[2], numbers[3] = near / n, closest, quantile(nearest, n, 0.5)
-    numbers[4] = neighbors / n
-
-
-@jitable
-def _survey_forces(n, ax, ay, gx, gy, numbers):
-    """Fill in the share that is adrift and the largest squared acceleration."""
-    pull2, adrift, fastest = gx * gx + gy * gy, 0, 0.0
-    for i in range(n):
-        x, y = float(ax[i]), float(ay[i])
-        fastest = max(fastest, x * x + y * y)
-        adrift += 1 if (x - gx) ** 2 + (y - gy) ** 2 < 0.01 * pull2 else 0
-    numbers[6], numbers[7] = adrift / n, fastest
-
-
-@jitable
-def _survey_places(fluid, compression, inv_rho0, com_x, com_y, numbers):
-    """Fill in densities, the surface and the extent; compression: (n,) scratch."""
-    n = fluid.id.size
-    surface, lowest, front, extent_x, extent_y = 0, np.inf, -np.inf, 0.0, 0.0
-    for i in range(n):
-        ratio = float(fluid.rho[i]) * inv_rho0
-        surface += 1 if ratio < 0.9 else 0
-        x, y = float(fluid.x[i]), float(fluid.y[i])
-        lowest, front = min(lowest, y), max(front, x)
-        extent_x += (x - com_x) ** 2
-        extent_y += (y - com_y) ** 2
-        compression[i] = max(ratio - 1.0, 0.0)
-    numbers[0], numbers[5] = quantile(compression, n, 0.99), surface / n
-    numbers[8], numbers[9] = lowest, front
-    numbers[10], numbers[11] = math.sqrt(extent_x / n), math.sqrt(extent_y / n)
 
 
 @jitable

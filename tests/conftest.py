@@ -14,6 +14,7 @@ import pytest
 from hypothesis import settings
 
 from sph_gym.solver import stepping
+from sph_gym.solver.teams import most_threads
 
 # The run that must stay within the budget: `make test`.
 QUICK = "not slow"
@@ -30,6 +31,11 @@ _versions: dict[str, str] = {}
 _faults: list[str] = []
 # In the controller: one entry a worker.
 _workers: list[dict] = []
+
+
+def pytest_xdist_auto_num_workers(config):
+    """Return two workers a processor: half the versions, and so half the memory, for each."""
+    return 2 * most_threads()
 
 
 def pytest_collection_modifyitems(items):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar, cast
 
 import numba
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.typed_passes import IRLegalization
@@ -51,24 +52,50 @@ def source_hash() -> str:
     return digest.hexdigest()[:16]
 
 
+class _HelperLibrary(JITCodeLibrary):
+    """Code of a helper: linked into its callers, and not made machine code on its own."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: there is nothing that could be called."""
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        """A stand-in, since code that never runs needs no environment."""
+        return _NoEnvironment()
+
+
+class _NoEnvironment:
+    def set_env(self, *arguments: Any) -> None:
+        """Do nothing."""
+
+
 class _LightHelpers(Compiler):
     """Numba's pipeline, but helpers are optimised only as part of what they are compiled into.
 
-    Numba optimises every function on its own and once more in each of its callers. In a tree of
-    small helpers that is most of the compile time, for code that never runs.
+    Numba optimises every function on its own, makes machine code of it, and does so once more in
+    each of its callers. In a tree of small helpers that is most of the compile time, for code
+    that never runs.
     """
 
     def compile_extra(self, func: Any) -> Any:
         """Compile `func`; its helpers are compiled meanwhile, before its own lowering."""
         config: Any = numba.config
+        codegen = self.state.targetctx.codegen()
         previous, config.OPT = config.OPT, HELPER_OPT
+        codegen._library_class = _HelperLibrary
         # numba makes millions of objects, which the collector would walk through again and again
         collecting = gc.isenabled()
         gc.disable()
         try:
             return super().compile_extra(func)
         finally:
-            config.OPT = previous
+            config.OPT, codegen._library_class = previous, JITCodeLibrary
             if collecting:
                 gc.enable()
 
@@ -90,7 +117,7 @@ class _Optimise(AnalysisPass):
     def run_pass(self, state: Any) -> bool:
         """From here on it is the entry point's own code that is optimised."""
         config: Any = numba.config
-        config.OPT = FULL_OPT
+        config.OPT, state.targetctx.codegen()._library_class = FULL_OPT, JITCodeLibrary
         return True
 
 

@@ -11,6 +11,7 @@ from sph_gym.controllers import Network
 from sph_gym.controllers.network import SHIPPED, shipped_network
 from sph_gym.env import env_id
 from sph_gym.env.instances import ODD
+from sph_gym.studies.averages import bootstrap_interval
 
 RULES = ("random", "default", "cfl", "tuned_cfl")
 
@@ -105,10 +106,10 @@ def test_the_best_setting_comes_first():
 
 def test_intervals_hold_the_mean():
     values = np.random.default_rng(0).normal(size=40)
-    mean, low, high = evaluate.interval(values)
+    mean, low, high = bootstrap_interval(values)
     assert low < mean < high
     assert high - low == pytest.approx(2 * 1.96 * values.std() / np.sqrt(40), rel=0.2)
-    assert evaluate.interval(np.ones(5)) == (1.0, 1.0, 1.0)
+    assert bootstrap_interval(np.ones(5)) == (1.0, 1.0, 1.0)
 
 
 def test_a_network_that_was_trained_anew_is_another_agent(tmp_path, monkeypatch):

@@ -444,11 +444,6 @@ def test_an_atomic_sum_gives_what_was_there_before(way):
 
 
 @jit
-def size_of(value):
-    return record_size(value)
-
-
-@jit
 def write_record(record, value):
     pack(record, value)
 
@@ -461,7 +456,7 @@ def read_record(records, i, shape):
 @not_compiled
 def test_a_record_gives_back_what_was_packed():
     values = [(k + 0.5, (np.arange(3.0) + k, None, k)) for k in range(4)]
-    records = np.zeros((4, size_of(values[0])), np.uint8)
+    records = np.zeros((4, record_size(values[0])), np.uint8)
     for record, value in zip(records, values, strict=True):
         write_record(record, value)
     for k in range(4):

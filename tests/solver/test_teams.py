@@ -453,7 +453,9 @@ def test_an_interrupt_after_lists_have_grown_leaves_the_clock_right(late):
         interrupt(patch, after=1, late=late)
         with pytest.raises(KeyboardInterrupt):
             broken.advance(4 * dt)
-    usual.advance(4 * dt if late else dt)
+    # a chunk whose lists were too short is as if it had not begun
+    if late:
+        usual.advance(4 * dt)
     assert_close(fluid(broken, "x"), fluid(usual, "x"), 1e-12)
     assert broken.time == pytest.approx(usual.time)
     assert_consistent(broken)

@@ -3,8 +3,8 @@ import math
 import pytest
 
 from sph_gym import scenes
+from sph_gym.solver import confinement
 from sph_gym.solver import effects as solver_effects
-from sph_gym.solver import walls
 from sph_gym.studies import absence, effects, variants
 from sph_gym.studies.absence import EVERY, TERMS, Build
 from sph_gym.studies.assembly import count_in
@@ -87,7 +87,7 @@ def test_instructions_are_counted():
 
 
 def test_an_identity_returns_what_the_function_does_without_its_part():
-    found = absence.identity(walls.confine, "box")
+    found = absence.identity(confinement.confine, "box")
     assert found(None, 1, 2, "x", "y", "u", "v") == ("x", "y", "u", "v")
     assert found("a box", 1, 2, "x", "y", "u", "v") == ("x", "y", "u", "v")
     with pytest.raises(ValueError, match="expected an argument or a constant"):

@@ -1,6 +1,7 @@
 """Write files atomically: a file is complete or absent, whatever stops the writer."""
 
 import os
+import shutil
 import threading
 import time
 from collections.abc import Iterator
@@ -15,30 +16,30 @@ ABANDONED = 3600.0
 def atomic_write(path: str | os.PathLike[str], make_folder: bool = True) -> Iterator[Path]:
     """Yield the path of a draft, which replaces `path` when the block ends without an error.
 
-    The draft has the suffix of `path`, so that writers which choose a format by it work.
-    Neither a kill nor a second process can leave half a file; an error leaves what was there.
-    make_folder: whether a missing folder is created. Raises OSError that names the file if it
-    cannot be written.
+    The draft has the name of `path`, in a hidden folder beside it, so that writers which choose a
+    format by the suffix work, and nothing that looks for such files finds it. Neither a kill nor
+    a second process can leave half a file; an error leaves what was there. make_folder: whether a
+    missing folder is created. Raises OSError that names the file if it cannot be written.
     """
     target = Path(path)
-    draft = target.with_name(f".{target.stem}.{os.getpid()}.{threading.get_ident()}{target.suffix}")
+    folder = target.with_name(f".{target.name}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
         if make_folder:
             target.parent.mkdir(parents=True, exist_ok=True)
         _remove_abandoned_drafts(target)
-        yield draft
-        os.replace(draft, target)
+        folder.mkdir()
+        yield folder / target.name
+        os.replace(folder / target.name, target)
     except OSError as error:
         reason = f"can't be written: {error.strerror or error}"
         raise OSError(error.errno, reason, str(target)) from None
     finally:
         # a full disk or Ctrl-C may leave a draft behind
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _remove_abandoned_drafts(target: Path) -> None:
-    for draft in target.parent.glob(f".{target.stem}.*.*{target.suffix}"):
+    for folder in target.parent.glob(f".{target.name}.*.tmp"):
         with suppress(OSError):
-            if time.time() - draft.stat().st_mtime > ABANDONED:
-                draft.unlink()
+            if time.time() - folder.stat().st_mtime > ABANDONED:
+                shutil.rmtree(folder, ignore_errors=True)

@@ -252,9 +252,10 @@ class Engine:
         """Go back to the last whole state, after a failed step or an interrupted call."""
         if self.full:
             self._rewind()
-            self._sort_spare(UNKNOWN, time)
-        else:
-            self.renew(time)
+        elif self._began[0] == FRESH or self.whole or self.bad >= 0 or self.steps > 0:
+            self._spare_the_state(self.fluid)
+        # else the call never ran, and the state still waits in `spare`
+        self._sort_spare(UNKNOWN, time)
 
     def records(self) -> tuple[Any, Any, Any, Any]:
         """Return the records of world and model (1, n_bytes), and their shapes."""

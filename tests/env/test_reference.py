@@ -76,9 +76,10 @@ def test_a_full_disk_only_warns_and_leaves_nothing_behind(store, monkeypatch):
 def test_a_draft_of_a_killed_writer_is_swept_away(store):
     first = reference(SCENE)
     [kept] = store.iterdir()
-    old, young = (kept.with_name(f".{kept.stem}.{pid}.1{kept.suffix}") for pid in (1, 2))
+    old, young = (kept.with_name(f".{kept.name}.{pid}.1.tmp") for pid in (1, 2))
     for draft in (old, young):
-        draft.write_bytes(b"half")
+        draft.mkdir()
+        (draft / kept.name).write_bytes(b"half")
     os.utime(old, (0, 0))
     module._write(kept, first)
     assert set(store.iterdir()) == {kept, young}

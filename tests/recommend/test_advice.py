@@ -103,7 +103,14 @@ def test_nothing_below_the_noise_floor_is_promised(tmp_path):
         advise(path, error=0.034)
 
 
-@pytest.mark.parametrize("scene", shipped())
+# Scenes whose advice needs no version of the solver beyond those of other tests.
+QUICK = ("couette", "elliptical_drop", "taylor_green")
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in shipped()],
+)
 def test_what_is_shipped_gives_advice(scene):
     assert scene in names()
     found = offered(read(scene))

@@ -70,7 +70,7 @@ class Rectangle(NamedTuple):
     y_high: Any
 
 
-class Window(NamedTuple):
+class CellWindow(NamedTuple):
     """Rows and columns of cells, first and last-plus-one, around a rectangle."""
 
     box: Rectangle
@@ -377,7 +377,7 @@ def compact_group(particles, i, n, widest):
 @jitable
 def make_window(grid, box):
     """Return the cells that hold the neighbours of all particles in the rectangle."""
-    return Window(
+    return CellWindow(
         box,
         max(_row(grid, box.y_low) - 1, 0),
         min(_row(grid, box.y_high) + 2, grid.n_rows),

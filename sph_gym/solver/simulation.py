@@ -116,7 +116,9 @@ class Simulation:
         self._gravity = GravityWork(self._local, self.mass)
         self._gravity.look(0.0, self._local_x, self.v)
         self._substeps, self._onset = 0.0, failure.Onset()
-        self._nominal_dt()
+        if scene.controls is None:
+            self._controls = self._controls._replace(dt=self.stable_dt())
+        self.nominal_controls = self._controls
 
     def _check_densities(self) -> None:
         """Refuse lengths whose powers the precision can't hold: no density comes out of them."""
@@ -132,15 +134,8 @@ class Simulation:
         return max(min(teams.most_threads(), n_fluid // DEFAULT_PER_THREAD), 1)
 
     def _initial_controls(self) -> Controls:
-        if self.scene.controls is not None:
-            return self.scene.controls
         fluid = self.scene.fluid
-        return Controls(1.0, fluid.stiffness(fluid.c0), DEFAULT_XSPH)
-
-    def _nominal_dt(self) -> None:
-        if self.scene.controls is None:
-            self._controls = self._controls._replace(dt=self.stable_dt())
-        self.nominal_controls = self._controls
+        return self.scene.controls or Controls(1.0, fluid.stiffness(fluid.c0), DEFAULT_XSPH)
 
     # --- controls ---------------------------------------------------------------------------
 

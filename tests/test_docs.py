@@ -212,6 +212,7 @@ def test_the_table_of_environments_is_complete():
 
 def test_every_effect_has_its_row_in_the_table():
     for each in EFFECTS:
+        assert "|" not in each.meaning + each.source, f"a | would end a cell: {each.name}"
         row = f"| `{each.name}` | {each.meaning} | {each.source} |"
         assert row in PAGES["docs/solver.md"].splitlines(), f"expected in docs/solver.md:\n{row}"
 

@@ -267,7 +267,9 @@ def test_integrators_in_periodic_domains(integrator):
 # --- What is conserved ----------------------------------------------------------------------
 
 # Those that hold an effect which acts on single particles, not between two.
-ON_ONE = ["diffusion, gravity"]
+ON_ONE = [
+    "diffusion, gravity",
+]
 PAIRWISE = {name: one for name, one in EFFECTS.items() if name not in ON_ONE}
 CENTRAL = ["artificial viscosity", "quadratic viscosity", "tensile correction"]
 

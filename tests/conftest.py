@@ -19,7 +19,7 @@ from sph_gym.solver.teams import most_threads
 # The run that must stay within the budget: `make test`.
 QUICK = "not slow"
 # Compiled versions of the solver, and peak memory of each worker [GB].
-MAX_VERSIONS = 80
+MAX_VERSIONS = 75
 MAX_MEMORY = 2.5
 
 settings.register_profile("suite", deadline=None, derandomize=True, max_examples=40)

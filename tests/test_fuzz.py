@@ -209,7 +209,7 @@ def scenes(draw, configuration, dtype):
 
 
 @pytest.mark.parametrize("configuration", ["none", "everything"])
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 def test_any_scene_and_controls_run_or_are_reported(configuration, dtype):
     @settings(max_examples=60)
     @given(

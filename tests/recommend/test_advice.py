@@ -104,7 +104,7 @@ def test_nothing_below_the_noise_floor_is_promised(tmp_path):
 
 
 # Scenes whose advice needs no version of the solver beyond those of other tests.
-QUICK = ("couette", "elliptical_drop", "taylor_green")
+QUICK = ("couette", "taylor_green")
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,14 @@ def test_what_is_told_can_be_set(table):
     assert told["epsilon"] == "no XSPH"
 
 
-@pytest.mark.parametrize("changes", [{}, {"controller": "tuned_cfl"}, {"density": "continuity"}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"controller": "tuned_cfl"},
+        pytest.param({"density": "continuity"}, marks=pytest.mark.slow),
+    ],
+)
 def test_the_program_runs_what_was_recommended(tmp_path, changes):
     path = tmp_path / "lines.csv"
     rows = samples(sizes=(6, 8, 10), dtype="float32", step=1.5, **changes)

@@ -238,6 +238,7 @@ def test_every_step_of_a_chunk_may_find_its_lists_too_short(configuration, monke
 # --- How long a step may be -----------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 def test_a_viscous_flow_is_stable_at_the_stable_step_of_its_integrator(integrator):
     # where friction and waves limit the step alike: the predictor-corrector blew up within 3.6 s

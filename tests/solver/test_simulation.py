@@ -257,7 +257,9 @@ def test_two_runs_are_the_same_bit_by_bit(dtype, neighbors):
     assert_same(first, second)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "name", [SCENES[0], *(pytest.param(name, marks=pytest.mark.slow) for name in SCENES[1:])]
+)
 def test_particles_keep_their_public_place(name):
     """Between two looks nobody moves further than its speed allows: nobody swaps its place."""
     sim = Simulation(scenes.make(name, dx=0.04))

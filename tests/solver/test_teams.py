@@ -491,6 +491,7 @@ def test_particles_far_outside_are_handled(where, far):
 
 
 @compiled
+@pytest.mark.slow
 def test_a_crowd_in_one_point():
     n = 300
     v = np.random.default_rng(0).normal(0.0, 0.1, (n, 2))

@@ -50,6 +50,7 @@ def test_a_particle_that_comes_back_by_itself_keeps_its_velocity():
     assert v[0] == 3.0
 
 
+@pytest.mark.slow
 def test_an_infinite_side_is_open():
     sim = boxed((0.0, 1.0), (-50.0, 70.0), (-math.inf, math.inf, 0.0, math.inf))
     dt = sim.controls.dt

@@ -88,6 +88,7 @@ def test_the_nominal_setting_is_the_scene_itself():
     assert (scene.h, scene.effects, scene.integrator) == (plain.h, plain.effects, plain.integrator)
 
 
+@pytest.mark.slow
 def test_summation_takes_the_diffusion_with_it():
     case = refinement("colliding_patches")
     assert nominal(case).density == "continuity"
@@ -194,6 +195,7 @@ def test_the_fluid_is_watched_without_being_touched():
     assert soft.mach / outcome.mach == pytest.approx(1 / 0.3, rel=0.2)
 
 
+@pytest.mark.slow
 def test_what_counts_is_run_as_often_as_a_median_needs(tmp_path):
     made = [
         measure_point(DROP, "resolution", nominal(DROP, n), Sampling(tmp_path, 1))

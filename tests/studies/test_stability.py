@@ -125,6 +125,11 @@ def test_the_docs_list_the_known_limits():
             f"| `{limit.case}` | {limit.variant} | {check.title} | {usual} | {limit.value:g} "
             f"| {limit.bound:g} |"
         )
+    for limit in limits.MAP_LIMITS:
+        expected.append(
+            f"| `{limit.scene}` | {limit.sound:g} | limit / article's rule | at least 1 "
+            f"| {limit.value:g} | {limit.bound:g} |"
+        )
     assert rows == expected
 
 

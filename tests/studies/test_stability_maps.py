@@ -9,8 +9,9 @@ import pytest
 from sph_gym import Simulation
 from sph_gym.solver.failure import CAUSES
 from sph_gym.studies import stability
-from sph_gym.studies.stability import figures, maps
+from sph_gym.studies.stability import figures, limits, maps
 from sph_gym.studies.stability.maps import MapGrid, MapPoint
+from sph_gym.studies.table import Row
 
 GRID = MapGrid((0.5, 1.0, 2.0, 4.0, 8.0), (0.5, 1.0), (0.0, 0.3))
 
@@ -143,3 +144,12 @@ def test_outcomes_have_their_own_colours():
     assert len({letter for _, letter in figures.CAUSES.values()}) == 7
     edges = figures._edges([1.0, 2.0, 4.0])
     assert edges == pytest.approx(np.sqrt([0.5, 2.0, 8.0, 32.0]))
+
+
+def test_a_known_limit_of_a_map_must_not_get_shorter():
+    limit = limits.map_limit("hydrostatic_tank", 0.16)
+    row = Row("limit / article's rule", "soft", 0.48, "", 1.0, at_least=True)
+    assert limits.as_limit(row, limit).verdict == limits.LABEL
+    assert not limits.as_limit(row._replace(value=0.4), limit).holds
+    assert limits.map_limit("dam_break", 0.16) is None
+    assert limits.map_limit("hydrostatic_tank", 0.4) is None

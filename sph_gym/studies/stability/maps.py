@@ -15,6 +15,7 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.studies.results import Results, is_record
+from sph_gym.studies.stability.limits import as_limit, map_limit
 from sph_gym.studies.table import Row
 
 # Mean compression that a run is judged by, as the environments do.
@@ -194,7 +195,9 @@ def rows(name: str, found: StabilityMap) -> Iterator[Row]:
     multiples = found.limits / np.min([*found.rules().values()], axis=0)
     for (i, xsph), (j, sound) in itertools.product(enumerate(grid.xsph), enumerate(grid.sound)):
         case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
-        yield Row("limit / article's rule", case, float(multiples[i, j]), "", 1.0, at_least=True)
+        row = Row("limit / article's rule", case, float(multiples[i, j]), "", 1.0, at_least=True)
+        limit = map_limit(name, sound)
+        yield row if limit is None or row.holds else as_limit(row, limit)
     causes = found.values("cause")
     blown, silent, of = (causes != "").sum(), (causes == UNREPORTED).sum(), f"of {causes.size}"
     yield Row("runs that blew up", name, float(blown), of)

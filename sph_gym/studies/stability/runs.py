@@ -15,7 +15,7 @@ from sph_gym.studies.stability import checks
 from sph_gym.studies.stability.case import Case, Variant
 from sph_gym.studies.stability.checks import BY_NAME, CHECKS, COMPARISON, END, FRAME, LATE, Check
 from sph_gym.studies.stability.events import see
-from sph_gym.studies.stability.limits import LABEL, LimitRow, known_limit
+from sph_gym.studies.stability.limits import as_limit, known_limit
 from sph_gym.studies.table import Row
 
 
@@ -202,7 +202,7 @@ def _check_rows(case: Case, check: Check, found: Runs, quick: bool) -> Iterator[
             if limit is None or row.holds:
                 by_bound.setdefault(row.bound, []).append(row)
             else:
-                yield LimitRow(*row)._replace(case=f"{row.case} ({LABEL})", bound=limit.bound)
+                yield as_limit(row, limit)
     for bound in sorted(by_bound, key=lambda bound: math.inf if bound is None else bound):
         values = np.array([row.value for row in by_bound[bound]])
         # unlike Python's extremes, those of numpy are nan wherever a value is

@@ -196,8 +196,8 @@ def rows(name: str, found: StabilityMap) -> Iterator[Row]:
     for (i, xsph), (j, sound) in itertools.product(enumerate(grid.xsph), enumerate(grid.sound)):
         case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
         row = Row("limit / article's rule", case, float(multiples[i, j]), "", 1.0, at_least=True)
-        limit = map_limit(name, sound)
-        yield row if limit is None or row.holds else as_limit(row, limit)
+        known = map_limit(name, sound)
+        yield row if known is None or row.holds else as_limit(row, known)
     causes = found.values("cause")
     blown, silent, of = (causes != "").sum(), (causes == UNREPORTED).sum(), f"of {causes.size}"
     yield Row("runs that blew up", name, float(blown), of)

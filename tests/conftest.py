@@ -34,8 +34,8 @@ _workers: list[dict] = []
 
 
 def pytest_xdist_auto_num_workers(config):
-    """Return two workers a processor: half the versions, and so half the memory, for each."""
-    return 2 * most_threads()
+    """Return more workers than processors: fewer versions, and so less memory, for each."""
+    return 2 * most_threads() + 1
 
 
 def pytest_collection_modifyitems(items):

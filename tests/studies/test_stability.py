@@ -51,8 +51,9 @@ def test_some_cases_hold_with_pairs_of_changes(name, variant):
     assert missed(name, variant) == []
 
 
+# The finer resolution needs the time of the full version for its events to come about.
 @pytest.mark.slow
-@pytest.mark.parametrize("variant", VARIANTS[1:], ids=lambda variant: variant.name)
+@pytest.mark.parametrize("variant", stability.QUICK_VARIANTS[1:], ids=lambda variant: variant.name)
 @pytest.mark.parametrize("name", CASES)
 def test_each_case_holds_in_every_variant(name, variant):
     assert missed(name, variant) == []

@@ -15,7 +15,7 @@ from agents.evaluate import MEASURES, readable
 from agents.styles import sentence, style_of
 from sph_gym.env.rewards import MILDEST, MOST_WORK, WINDOW, WORST, Tolerances
 
-# What the report looks for in its folder, and what it has to be given.
+# Files that the report looks for in its folder, and those that it must be given.
 PLOTS = ("returns.png", "cost_against_error.png", "reward_terms.png", "controls.png")
 ANIMATION = "side_by_side.mp4"
 CONTEXT = ("scene", "instances", "recorded_instance", "command", "versions", "cpu", "date", "notes")

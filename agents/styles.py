@@ -31,7 +31,7 @@ STYLES: dict[str, AgentStyle] = {
     "sac": AgentStyle("SAC", "#D55E00", "P"),
     "dqn": AgentStyle("DQN", "#A0522D", "h", (0, (4, 1, 1, 1))),
 }
-# What an agent does, as the end of a sentence that begins with its label.
+# Description of each agent, as the end of a sentence that begins with its label.
 SENTENCES = {
     "random": "draws every action at random; what anything sensible has to beat.",
     "default": "keeps the scene's nominal constants; what you get if you tune nothing.",

@@ -33,7 +33,7 @@ from sph_gym.provenance import VERSION
 from sph_gym.solver.checks import known
 from sph_gym.solver.simulation import Simulation
 
-# What is recorded, and what it is called in VTK.
+# Recorded fields, and their names in VTK.
 FIELDS = {"x": "position", "v": "velocity", "rho": "density", "p": "pressure"}
 INDEX = """<?xml version="1.0"?>
 <VTKFile type="Collection" version="0.1">

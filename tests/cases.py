@@ -1,4 +1,4 @@
-"""What the solver is tested on: no effect, all of them, and mixtures, on all sorts of clouds.
+"""Configurations of the tests: no effect, all of them, and mixtures, on all sorts of clouds.
 
 All lengths in metres; dx is 0.02 and a full cloud is a square of 12 x 12 particles. Each
 configuration costs a compilation in each precision (see the budget in conftest.py), so there are

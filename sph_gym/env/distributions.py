@@ -17,7 +17,7 @@ FAMILIES: dict[str, FlowFamily] = {
 }
 # The numbers of the sets are part of the seeds, never to be changed.
 SPLITS = {"nominal": 0, "test": 1, "train": 2, "val": 3, "ood": 4}
-# What is out of distribution in "ood", in turns.
+# Shifts of the instances of "ood", in turns.
 SHIFTS = ("resolution", "strength", "viscosity", "scene")
 FINER = 0.7
 

@@ -24,7 +24,7 @@ PURPOSES = {
     "test": "to compare agents on, and for nothing else",
     "ood": "to see what happens out of the distribution, in four ways, in turns",
 }
-# What is out of distribution in "ood".
+# Descriptions of the shifts of "ood".
 ODD = {
     "resolution": "a finer spacing",
     "strength": "another strength of what drives the flow",

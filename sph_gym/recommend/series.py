@@ -26,7 +26,7 @@ ABSURD = 10.0
 FEWEST = 3
 # Least order of convergence in dx: below it, errors differ by chance rather than by resolution.
 LEAST_ORDER = 0.3
-# The same over the finest few: below it, errors have come to rest or begin to grow.
+# Least order over the finest few sizes: below it, errors have come to rest or begin to grow.
 STILL_FALLING = 0.1
 # Highest order of convergence in dx with which errors are expected to go on falling.
 MOST_ORDER = 2.0

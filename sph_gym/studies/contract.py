@@ -1,4 +1,4 @@
-"""What the environments promise of every step, checked from outside."""
+"""The promises of environments about every step, checked from outside."""
 
 import math
 from collections import Counter

@@ -18,7 +18,7 @@ from sph_gym.studies import absence, variants
 from sph_gym.studies.absence import EVERY, TERMS, Build
 from sph_gym.studies.assembly import Count
 from sph_gym.studies.table import Part, Row, measure_parts
-from sph_gym.studies.timing import Runner, in_turns, own_clock, same_home
+from sph_gym.timing import Runner, in_turns, own_clock, same_home
 
 # Spacing [m] that gives each scene some 3000 particles of fluid.
 SPACINGS = {

@@ -18,7 +18,7 @@ from sph_gym.env.vector import TuningVectorEnv
 from sph_gym.solver import stepping, teams
 from sph_gym.solver.batch import advance_all
 from sph_gym.studies.table import Row
-from sph_gym.studies.timing import clocked, in_turns, own_clock, pinned
+from sph_gym.timing import clocked, in_turns, own_clock, pinned
 
 # Bounds: env steps a second of a vector on two threads against those of one environment; the share
 # of a step that isn't compiled, in %.

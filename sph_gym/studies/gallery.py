@@ -10,7 +10,7 @@ import numpy as np
 from sph_gym.extras import needs_extra
 from sph_gym.scenes.shared.reference import Reference
 
-# Of M. Okabe and K. Ito, for colour-blind eyes; line styles tell resolutions in grey too.
+# Colours by M. Okabe and K. Ito, for colour-blind eyes; line styles tell resolutions in grey too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LINES = ("-", "--", "-.", ":")
 # Markers that a reference has at most, so that the curves below it can be seen.

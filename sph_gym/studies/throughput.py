@@ -26,7 +26,7 @@ from sph_gym.studies import compilation, environments, picture, variants
 from sph_gym.studies.peers import NAME, SCRIPT, Peers, compare
 from sph_gym.studies.phases import PHASES
 from sph_gym.studies.table import Part, Row, measure_parts
-from sph_gym.studies.timing import (
+from sph_gym.timing import (
     WARM_UP,
     Runner,
     clocked,

@@ -10,7 +10,7 @@ from sph_gym.studies.peers import PeerError, Peers, compare, parse
 from sph_gym.studies.phases import PHASES
 from sph_gym.studies.picture import curves
 from sph_gym.studies.table import Row
-from sph_gym.studies.timing import Runner, in_turns, pinned, same_home
+from sph_gym.timing import Runner, in_turns, pinned, same_home
 
 PLAN = throughput.ThroughputPlan(
     sizes=(200, 300), rounds=1, peer_rounds=1, batch=3, batch_size=100, reference=300, work=3000

@@ -18,7 +18,7 @@ from sph_gym.studies.accuracy.points import Point
 WIDEST = 5.0
 # At how many resolutions the knobs are turned: the nominal one and the next two coarser.
 TURNED = 3
-# The same for agents, whose search and training cost more than the runs, and where chance decides.
+# Number of them for agents, whose search and training cost more than the runs; chance decides.
 FEWER = 2
 # Knobs in the order in which their best values are taken over, one upon the other.
 CHAIN = ("dtype", "step", "sound", "width", "kernel", "density", "integrator", "xsph")

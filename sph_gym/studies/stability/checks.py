@@ -33,11 +33,11 @@ AFFORDABLE = 3000
 COMPARED = 3
 # Differences from brute force, of the largest magnitude, in the two precisions; of observables.
 SAME, ALIKE = {"float64": 1e-12, "float32": 5e-5}, 1e-8
-# Of mass times largest speed: what summing up leaves of the momentum in the two precisions.
+# Shares of mass times largest speed that round-off may leave of the momentum in the two precisions.
 ROUND_OFF = {"float64": 1e-14, "float32": 1e-6}
-# Of a lonely particle's density, which no other can be below; what float32 leaves of it.
+# Least share of a lonely particle's density, allowing for round-off in float32.
 LONELY = 1 - 1e-5
-# Of the compression in the most compressed hundredth, as the environments allow.
+# Bound of the compression in the most compressed hundredth, as the environments allow.
 DENSE = 0.04
 
 # When a check is measured: after every frame, after those of the second half, where the run is

@@ -9,7 +9,7 @@ from sph_gym.extras import needs_extra
 from sph_gym.solver.simulation import Simulation
 from sph_gym.studies.stability.maps import EXCESS, TOLERANCE, UNREPORTED, StabilityMap
 
-# Of M. Okabe and K. Ito, for colour-blind eyes.
+# Colours by M. Okabe and K. Ito, for colour-blind eyes.
 CALM = {"density error within 1 %": "#56B4E9", "density error beyond 1 %": "#F0E442"}
 # Causes of blow-ups: colour, and the letter that says the same where there is no colour.
 CAUSES = {

@@ -165,7 +165,7 @@ class CaseRun:
 
     @property
     def is_affordable(self) -> bool:
-        """Whether brute force is asked about all particles."""
+        """True if brute force is asked about all particles."""
         return self.sim.n_particles <= checks.AFFORDABLE
 
 

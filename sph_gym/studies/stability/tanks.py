@@ -27,13 +27,13 @@ SMOOTH, CLUMPY = 0.15, 0.3
 # Largest density of a particle in the second half [rho0]: two and a half times what the densest
 # hundredth may have.
 PEAK = 1.1
-# Of a case's multiple of the stable step, what the largest step must reach.
+# Share of a case's multiple of the stable step that the largest step must reach.
 REACHED = 0.999
 DX = 0.04
 FRAME = 10
-# Of the swinging wall [m, Hz]: 0.4 m/s at the most.
+# Amplitude and frequency of the swinging wall [m, Hz]: 0.4 m/s at the most.
 STROKE, STROKES = 0.04, 1.6
-# Of a density by continuity, which drifts without it.
+# Diffusion of a density by continuity, which drifts without it.
 DIFFUSION = 0.1
 # Particles across a channel: so few that viscosity is the limit.
 ACROSS = 14

@@ -1,0 +1,20 @@
+"""Warnings of a running simulation: what is odd about it without being a blow-up."""
+
+from typing import NamedTuple
+
+KINDS = ("energy", "clumping", "volume", "mach", "walls", "start")
+
+
+class Warning(NamedTuple):
+    """One thing that is odd about a simulation.
+
+    kind: one of `KINDS`; value: the measure, now or at its worst; limit: the value above which it
+    is odd; since: time [s] at the end of the first `advance` that showed it; message: one plain
+    sentence that says what was seen, why it matters and what helps.
+    """
+
+    kind: str
+    value: float
+    limit: float
+    since: float
+    message: str

@@ -52,7 +52,7 @@ class RunOutcome(NamedTuple):
 class Meter:
     """Sets the controls of a simulation before each advance, and measures what it costs."""
 
-    def __init__(self, sim: Simulation, controller: Controller | None) -> None:
+    def __init__(self, sim: Simulation, controller: Controller | None = None) -> None:
         self.sim, self.controller = sim, controller
         self.wall = self.own = self.interactions = self.mach = self._compressions = 0.0
         self.substeps = self._frames = 0
@@ -96,7 +96,7 @@ def execute(
     scene = build(case, setting, other)
     with pinned():
         sim = Simulation(scene, setting.dtype, threads=1)
-        _compile(sim, _controller(setting.controller, schedule))
+        compile_ahead(sim, _controller(setting.controller, schedule))
         meter = Meter(sim, _controller(setting.controller, schedule))
         error, cause, measures = _judge(case, sim)
     return RunOutcome(
@@ -116,7 +116,7 @@ def _controller(name: str, schedule: Schedule | None) -> Controller | None:
     return lambda sim: Controls(*next(frames, schedule[-1]))
 
 
-def _compile(sim: Simulation, controller: Controller | None) -> None:
+def compile_ahead(sim: Simulation, controller: Controller | None = None) -> None:
     """Compile everything that a run calls; the state stays as it was.
 
     controller: another one than that of the run, since some remember what they did.
@@ -126,6 +126,8 @@ def _compile(sim: Simulation, controller: Controller | None) -> None:
     if controller is not None:
         sim.controls = controller(sim)
         sim.advance(sim.controls.dt)
+    sim.evaluate()
+    sim.diagnostics()
     sim.restore(start)
 
 

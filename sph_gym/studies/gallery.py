@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.extras import needs_extra
 from sph_gym.scenes.shared.reference import Reference
+from sph_gym.studies.picture import new_figure, save
 
 # Colours by M. Okabe and K. Ito, for colour-blind eyes; line styles tell resolutions in grey too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -24,12 +24,10 @@ def draw(name: str, reference: Reference, results: Sequence[Any], path: Path) ->
     resolutions, the finest one solid; a reference is open black circles.
     Raises ImportError that names the extra.
     """
-    with needs_extra("studies"):
-        from matplotlib.figure import Figure
     charts: dict[tuple[str, str], list[Any]] = {}
     for result in results:
         charts.setdefault((result.chart.x_label, result.chart.y_label), []).append(result)
-    figure = Figure(figsize=(7 * len(charts), 6), layout="constrained")
+    figure = new_figure(7 * len(charts), 6)
     every = figure.subplots(1, len(charts), squeeze=False)[0]
     for axes, ((x_label, y_label), alike) in zip(every, charts.items(), strict=True):
         _draw_runs(axes, alike)
@@ -40,9 +38,7 @@ def draw(name: str, reference: Reference, results: Sequence[Any], path: Path) ->
         axes.legend(frameon=False, fontsize=8, ncols=2, **place)
     title = textwrap.fill(f"{name.replace('_', ' ')}; reference: {reference.source}", 90)
     figure.suptitle(title, fontsize=10)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150)
-    return path
+    return save(figure, path)
 
 
 def _draw_runs(axes: Any, results: Sequence[Any]) -> None:

@@ -1,4 +1,4 @@
-"""The plot of the throughput study."""
+"""Figures of the studies, and the plot of the throughput study."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,6 +20,20 @@ KINDS = {
     ("throughput", "2 threads"): ("--", "2 threads"),
     (f"throughput of {NAME}", "1 thread"): (":", f"{NAME}, 1 thread"),
 }
+
+
+def new_figure(width: float, height: float) -> Any:
+    """Return an empty figure [inches]. Raises ImportError that names the extra to install."""
+    with needs_extra("studies"):
+        from matplotlib.figure import Figure
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Any, path: Path, dpi: int = 150) -> Path:
+    """Write a figure as PNG and return its path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=dpi)
+    return path
 
 
 class ThroughputCurve(NamedTuple):
@@ -50,10 +64,9 @@ def draw(rows: Sequence[Row], path: Path) -> Path:
 
     Raises ImportError that names the extra to install.
     """
-    with needs_extra("studies"):
-        from matplotlib.figure import Figure
-        from matplotlib.ticker import NullLocator, StrMethodFormatter
-    figure = Figure(figsize=(8, 5), layout="constrained")
+    figure = new_figure(8, 5)
+    from matplotlib.ticker import NullLocator, StrMethodFormatter
+
     axes: Any = figure.add_subplot()
     found = list(curves(rows))
     for label, dtype, line, points in found:
@@ -69,6 +82,4 @@ def draw(rows: Sequence[Row], path: Path) -> Path:
     axes.grid(alpha=0.3)
     if found:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150)
-    return path
+    return save(figure, path)

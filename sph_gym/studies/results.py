@@ -10,6 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_origin
 
+import numpy as np
+
 from sph_gym.files import atomic_write
 from sph_gym.provenance import content_hash, source_hash
 from sph_gym.solver import jit
@@ -51,10 +53,10 @@ class Results:
 
     def save(self, key: Any, result: Any) -> Any:
         """Store a result and return it as JSON has it. Raises OSError that names the file."""
-        text = json.dumps({"key": key, "result": result})
+        stored = _as_json({"key": key, "result": result})
         with atomic_write(self.path(key)) as draft:
-            draft.write_text(text)
-        return json.loads(text)["result"]
+            draft.write_text(json.dumps(stored))
+        return stored["result"]
 
     def get(
         self,
@@ -92,4 +94,5 @@ def is_record(kind: Any) -> Callable[[Any], bool]:
 
 
 def _as_json(value: Any) -> Any:
-    return json.loads(json.dumps(value))
+    """Return what JSON gives back of a value; arrays are lists there."""
+    return json.loads(json.dumps(value, default=np.ndarray.tolist))

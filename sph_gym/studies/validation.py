@@ -16,6 +16,7 @@ import numpy as np
 
 from sph_gym import scenes
 from sph_gym.extras import progress_bar
+from sph_gym.recommend.runs import Meter, compile_ahead
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure
 from sph_gym.solver.checks import known
 from sph_gym.solver.simulation import Simulation
@@ -29,7 +30,7 @@ FOLDER = Path("runs/studies")
 class Validated(NamedTuple):
     """A finished run: its scene and arguments, what was found, how long it took.
 
-    seconds: wall clock without compilation; work: particle-steps; chart: with its reference.
+    chart: with its reference; seconds: wall clock without compilation; work: particle-steps.
     """
 
     scene: str
@@ -42,22 +43,11 @@ class Validated(NamedTuple):
 
     @classmethod
     def from_json(cls, stored: dict[str, Any]) -> "Validated":
-        """Make a run of what JSON holds of `to_json`."""
-        x_label, y_label, curves = stored["chart"]
+        """Return the run that JSON holds in plain lists."""
+        run = cls(**stored)
+        x_label, y_label, curves = run.chart
         chart = Chart(x_label, y_label, [Curve(*curve) for curve in curves])
-        measures = [Measure(*measure) for measure in stored["measures"]]
-        return cls(**{**stored, "chart": chart, "measures": measures})
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the run as plain data."""
-        x_label, y_label, curves = self.chart
-        plain = [(label, *_lists(x, y), reference) for label, x, y, reference in curves]
-        measures = [measure._replace(value=float(measure.value)) for measure in self.measures]
-        return {**self._asdict(), "chart": (x_label, y_label, plain), "measures": measures}
-
-
-def _lists(*columns: Any) -> list[list[float]]:
-    return [np.asarray(column).tolist() for column in columns]
+        return run._replace(chart=chart, measures=[Measure(*each) for each in run.measures])
 
 
 def _case(scene: str, arguments: dict[str, Any]) -> str:
@@ -133,7 +123,7 @@ def run(name: str, arguments: dict[str, Any], folder: Path, again: bool = False)
     store, key = results(folder), run_key(name, arguments)
     stored = None if again else store.load(key)
     if stored is None:
-        stored = store.save(key, _run(name, arguments).to_json())
+        stored = store.save(key, _run(name, arguments)._asdict())
     return Validated.from_json(stored)
 
 
@@ -151,35 +141,12 @@ def _run(name: str, arguments: dict[str, Any]) -> Validated:
     reference = scenes.reference(name)
     assert reference is not None
     sim = Simulation(scenes.make(name, **arguments))
-    _compile(sim)
-    counter = _SubstepCounter(sim)
+    compile_ahead(sim)
+    meter = Meter(sim)
     with progress_bar(100, f"{name} {sim.n_fluid} particles", "%") as bar:
         began = time.perf_counter()
         ended = reference.run(sim, lambda share: bar.update(round(100 * share) - bar.n))
         seconds = time.perf_counter() - began
     found, chart = reference.judge(ended), reference.chart(ended)
-    work = counter.n * sim.n_particles
+    work = meter.substeps * sim.n_particles
     return Validated(name, arguments, sim.scene.dx, found, chart, seconds, work)
-
-
-class _SubstepCounter:
-    """The number of substeps of a simulation from now on."""
-
-    def __init__(self, sim: Simulation) -> None:
-        self.n, advance = 0, sim.advance
-
-        def counted(seconds: float) -> Any:
-            report = advance(seconds)
-            self.n += report.n_substeps
-            return report
-
-        sim.advance = counted  # type: ignore[method-assign]
-
-
-def _compile(sim: Simulation) -> None:
-    """Call everything once, so that the time of the first run is not that of the compiler."""
-    home = sim.snapshot()
-    sim.advance(sim.controls.dt)
-    sim.evaluate()
-    sim.diagnostics()
-    sim.restore(home)

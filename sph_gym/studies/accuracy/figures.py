@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.extras import needs_extra
 from sph_gym.recommend.settings import RULES, TITLES, is_agent, nominal, write_changes
 from sph_gym.scenes.shared.refinement import Refinement, refinement
 from sph_gym.studies.accuracy import analysis
 from sph_gym.studies.accuracy.analysis import TIME
 from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.picture import new_figure, save
 
 # Colours of M. Okabe and K. Ito, which colour-blind eyes tell apart; in grey the markers do.
 STYLES = {
@@ -60,18 +60,6 @@ GAINS: tuple[tuple[str, str, Callable[[str], bool]], ...] = (
     )),
     ("controller", "CFL\nrules", RULES.__contains__), ("controller", "agents", is_agent),
 )  # fmt: skip
-
-
-def _new_figure(width: float, height: float) -> Any:
-    with needs_extra("studies"):
-        from matplotlib.figure import Figure
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-def _save(figure: Any, path: Path) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150)
-    return path
 
 
 # --- Diagrams -------------------------------------------------------------------------------
@@ -143,7 +131,7 @@ def draw_scene(case: Refinement, points: Sequence[Point], path: Path) -> Path:
     best = _spread_out(analysis.front(points, TIME))
     text = _explanation(case, points, best)
     heights = 6.4, 0.2 * (text.count("\n") + 2)
-    figure = _new_figure(12.0, sum(heights))
+    figure = new_figure(12.0, sum(heights))
     upper, lower = figure.subfigures(2, 1, height_ratios=heights)
     every = upper.subplots(1, 2, sharey=True)
     for axes, (cost, label) in zip(every, PANELS.items(), strict=True):
@@ -161,7 +149,7 @@ def draw_scene(case: Refinement, points: Sequence[Point], path: Path) -> Path:
     title = f"{case.scene.replace('_', ' ')}: {case.measure}\n{_conclusion(points)}"
     upper.suptitle(title, fontsize=12)
     lower.text(0.05, 0.97, text, fontsize=9, va="top", linespacing=1.4)
-    return _save(figure, path)
+    return save(figure, path)
 
 
 def _draw_panel(axes: Any, case: Refinement, points: Sequence[Point], cost: str) -> None:
@@ -263,7 +251,7 @@ def draw_summary(points: Sequence[Point], path: Path) -> Path:
     n_columns = N_COLUMNS[len(chosen)]
     n_rows = math.ceil(len(chosen) / n_columns)
     heights = 0.8 + 2.6 * n_rows, 1.7 + 0.27 * len(by_scene)
-    figure = _new_figure(10.0, sum(heights))
+    figure = new_figure(10.0, sum(heights))
     upper, lower = figure.subfigures(2, 1, height_ratios=heights)
     grid = upper.subplots(n_rows, n_columns, squeeze=False)
     for axes, name in zip(grid.flat, chosen, strict=True):
@@ -273,7 +261,7 @@ def draw_summary(points: Sequence[Point], path: Path) -> Path:
     handles, labels = grid.flat[0].get_legend_handles_labels()
     upper.legend(handles, labels, frameon=False, ncols=3, loc="outside upper center")
     _draw_gains(lower, by_scene)
-    return _save(figure, path)
+    return save(figure, path)
 
 
 def _draw_small(axes: Any, case: Refinement, points: Sequence[Point]) -> None:

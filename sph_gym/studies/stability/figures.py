@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from sph_gym.extras import needs_extra
 from sph_gym.solver.simulation import Simulation
+from sph_gym.studies.picture import new_figure, save
 from sph_gym.studies.stability.maps import EXCESS, TOLERANCE, UNREPORTED, StabilityMap
 
 # Colours by M. Okabe and K. Ito, for colour-blind eyes.
@@ -39,12 +39,11 @@ def draw(name: str, found: StabilityMap, path: Path) -> Path:
 
     Raises ImportError that names the extra to install.
     """
-    with needs_extra("studies"):
-        from matplotlib.colors import LogNorm
-        from matplotlib.figure import Figure
-        from matplotlib.ticker import LogLocator
     n = len(found.grid.xsph)
-    figure = Figure(figsize=(3.6 * n + 2.6, 10.5), layout="constrained")
+    figure = new_figure(3.6 * n + 2.6, 10.5)
+    from matplotlib.colors import LogNorm
+    from matplotlib.ticker import LogLocator
+
     frames = figure.subplots(3, n, squeeze=False, sharex=True, sharey=True)
     work, percent = _work(found), 100 * found.values("density")
     density_scale, work_scale = LogNorm(0.01, 10.0), LogNorm(*_range(work))
@@ -68,9 +67,7 @@ def draw(name: str, found: StabilityMap, path: Path) -> Path:
     figure.legend(
         handles=_handles(found), loc="outside lower center", ncols=3, fontsize=8, frameon=False
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130)
-    return path
+    return save(figure, path, dpi=130)
 
 
 def _edges(centres: Any) -> Any:

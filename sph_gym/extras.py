@@ -1,9 +1,11 @@
 """Optional dependencies: what to say where one is missing, and the progress bar."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
+
+Item = TypeVar("Item")
 
 
 @contextmanager
@@ -28,3 +30,14 @@ def progress_bar(total: float, title: str = "", unit: str = "run") -> Any:
     with needs_extra("studies"):
         from tqdm import tqdm
     return tqdm(total=total, desc=title or None, unit=unit, file=sys.stderr, leave=False)
+
+
+def progress(items: Sequence[Item], title: str = "", unit: str = "run") -> Iterator[Item]:
+    """Yield the items, with a progress bar of how many are done.
+
+    Raises ImportError that names the extra if tqdm is missing.
+    """
+    with progress_bar(len(items), title, unit) as bar:
+        for item in items:
+            yield item
+            bar.update()

@@ -1,12 +1,14 @@
 """Write files atomically: a file is complete or absent, whatever stops the writer."""
 
+import csv
 import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 # Seconds after which a draft counts as abandoned by a writer that was killed.
 ABANDONED = 3600.0
@@ -36,6 +38,17 @@ def atomic_write(path: str | os.PathLike[str], make_folder: bool = True) -> Iter
     finally:
         # a full disk or Ctrl-C may leave a draft behind
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def write_csv(
+    path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], comment: str = ""
+) -> None:
+    """Write a table, with a comment above it if there is one; make the folder if need be."""
+    with atomic_write(path) as draft, draft.open("w", newline="") as file:
+        file.write(f"# {comment}\n" if comment else "")
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(rows)
 
 
 def _remove_abandoned_drafts(target: Path) -> None:

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from sph_gym.files import write_csv
 from sph_gym.recommend.series import MeasuredRun
 from sph_gym.recommend.settings import Setting
 from sph_gym.solver.checks import positive
@@ -71,12 +72,10 @@ def _row(row: dict[str, str]) -> MeasuredRun:
 
 def write(runs: Iterable[MeasuredRun], path: Path, comment: str) -> None:
     """Write a table of runs, which `read` takes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        file.write(f"# {comment}\n")
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for run in runs:
-            error = run.error if run.good else math.nan
-            numbers = (error, run.effort, run.compression, run.mach)
-            writer.writerow([run.scene, *run.setting, *(f"{number:.6g}" for number in numbers)])
+
+    def row(run: MeasuredRun) -> list[Any]:
+        error = run.error if run.good else math.nan
+        numbers = (error, run.effort, run.compression, run.mach)
+        return [run.scene, *run.setting, *(f"{number:.6g}" for number in numbers)]
+
+    write_csv(path, COLUMNS, map(row, runs), comment)

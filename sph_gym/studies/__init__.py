@@ -1,5 +1,6 @@
 """Studies: commands that measure something, print a table and write it as CSV."""
 
+import inspect
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,16 +33,11 @@ _STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "stability": stability.measure,
     "accuracy": accuracy.measure,
 }
-# Studies that keep finished runs in their folder.
-_RESUMABLE = ("validation", "headroom", "exploits", "soak", "stability", "accuracy")
 # Studies that can be limited to some scenes, and the scenes that they know.
 _BY_SCENE: dict[str, Callable[[], list[str]]] = {
     "validation": validation.with_reference,
     "accuracy": accuracy.names,
 }
-_OPTIONS = {
-    "peers": ("throughput", "accuracy"), "chosen": tuple(_BY_SCENE), "again": tuple(_BY_SCENE)
-}  # fmt: skip
 # Studies that draw or print something after their table.
 _FINISH: dict[str, Callable[[list[Row], Path], None]] = {
     "throughput": throughput.finish,
@@ -74,14 +70,12 @@ def run_study(
     """
     study = _STUDIES[known("study", name, _STUDIES)]
     place = Path(folder)
-    options: dict[str, Any] = {"folder": place} if name in _RESUMABLE else {}
-    for option, value in (("peers", peers), ("chosen", chosen), ("again", again or None)):
-        if value is None:
-            continue
-        if name not in _OPTIONS[option]:
-            owners = " and ".join(_OPTIONS[option])
+    options: dict[str, Any] = {"folder": place} if _takes(name, "folder") else {}
+    for option, value in (("peers", peers), ("chosen", chosen), ("again", again)):
+        if value and not _takes(name, option):
+            owners = " and ".join(other for other in _STUDIES if _takes(other, option))
             raise ValueError(f"{option}: only the studies {owners} have it, not {name}")
-        options[option] = value
+        options |= {option: value} if value else {}
     rows: list[Row] = []
     stem = _stem(name, quick, chosen)
     machine.write(place / f"{stem}.json")
@@ -94,6 +88,10 @@ def run_study(
             show(name, rows, place / f"{stem}.csv")
             _FINISH.get(name, lambda rows, path: None)(rows, place / f"{stem}.png")
     return int(any(not row.holds for row in rows))
+
+
+def _takes(name: str, option: str) -> bool:
+    return option in inspect.signature(_STUDIES[name]).parameters
 
 
 def _stem(name: str, quick: bool, chosen: Sequence[str] | None) -> str:

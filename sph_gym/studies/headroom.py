@@ -12,7 +12,6 @@ control counts as needed where freezing it costs more than that by a margin. A c
 be there and yet need no steering; so XSPH is switched off as well, for the whole episode.
 """
 
-import csv
 import math
 from collections.abc import Iterator
 from functools import partial
@@ -24,13 +23,12 @@ import numpy as np
 from sph_gym.env import SCENES, instances
 from sph_gym.env.oracle import COARSE, Oracle, Search
 from sph_gym.extras import progress_bar
-from sph_gym.files import atomic_write
+from sph_gym.files import write_csv
 from sph_gym.studies import episodes, labels
 from sph_gym.studies.episodes import Score, Setting, StaticGrid, best_static, run
 from sph_gym.studies.exploits import tuned_cfl
 from sph_gym.studies.table import Row
 
-FOLDER = Path("runs/studies")
 # So much headroom, on so many scenes; and by so much must a loss of mean reward, where a control is
 # frozen, exceed that of another search, on so many scenes.
 HEADROOM, ENOUGH = 1.5, 5
@@ -111,7 +109,7 @@ class Contest(NamedTuple):
 # --- Playing --------------------------------------------------------------------------------
 
 
-def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
+def measure(quick: bool, folder: Path) -> Iterator[Row]:
     """Yield rows of every scene, with a progress bar; quick: one instance of two scenes, coarsely.
 
     Finished runs are kept in the folder, and all scores written there, instance by instance.
@@ -158,15 +156,14 @@ def contest(plan: HeadroomPlan, scene: str, number: int, folder: Path) -> Contes
 
 def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
     """Write every score as CSV: player, instance, numbers, and the headroom of the instance."""
-    with atomic_write(path) as draft, draft.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for scene, contests in found.items():
-            for number, one in enumerate(contests):
-                gain = one.headroom if math.isfinite(one.headroom) else ""
-                for player, score, setting in one.scores():
-                    about = (_id(scene, number), label(scene, contests), player)
-                    writer.writerow([*about, *score, score.within, setting, gain])
+    table = []
+    for scene, contests in found.items():
+        for number, one in enumerate(contests):
+            gain = one.headroom if math.isfinite(one.headroom) else ""
+            for player, score, setting in one.scores():
+                about = (_id(scene, number), label(scene, contests), player)
+                table.append([*about, *score, score.within, setting, gain])
+    write_csv(path, COLUMNS, table)
 
 
 def finish(rows: list[Row], path: Path) -> None:

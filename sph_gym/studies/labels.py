@@ -1,12 +1,11 @@
 """The labels of scenes, and why they have them: printed and written after a study's table."""
 
-import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from sph_gym.env import SCENES, instances
-from sph_gym.files import atomic_write
+from sph_gym.files import write_csv
 from sph_gym.studies.table import Row
 
 # The rows of the study of headroom that labels are made of.
@@ -25,7 +24,8 @@ def explain(rows: Sequence[Row], path: Path) -> None:
     found = headrooms(rows)
     if found:
         table = path.with_name(f"{path.stem}_labels.csv")
-        write(found, table)
+        rounded = ((n, "" if gain is None else f"{gain:.4g}", label) for n, gain, label in found)
+        write_csv(table, ("scene", "headroom", "label"), rounded)
         print(f"labels: {table}; the pages of environments show those of FAMILY in sph_gym/scenes")
 
 
@@ -38,12 +38,3 @@ def headrooms(rows: Sequence[Row]) -> list[tuple[str, float | None, str]]:
             known = row.quantity == GAIN and math.isfinite(row.value)
             found[scene] = (row.value if known else None, label)
     return [(scene, *told) for scene, told in found.items()]
-
-
-def write(found: Sequence[tuple[str, float | None, str]], path: Path) -> None:
-    """Write scenes, headrooms and labels as a table."""
-    with atomic_write(path) as draft, draft.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(("scene", "headroom", "label"))
-        for scene, gain, label in found:
-            writer.writerow([scene, "" if gain is None else f"{gain:.4g}", label])

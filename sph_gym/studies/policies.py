@@ -4,45 +4,38 @@ Each is an endless stream of pushes, (3,) in [-1, 1], to be played as actions of
 """
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Push = NDArray[np.float64]
+Policy = Callable[[np.random.Generator], Iterator[Push]]
 
 STEP = 0.2
 
 
-def uniform(rng: np.random.Generator) -> Iterator[Push]:
-    """Yield uniform random actions."""
-    while True:
-        yield rng.uniform(-1, 1, 3)
+def drawn(draw: Callable[[np.random.Generator], Any]) -> Policy:
+    """Return a policy that draws every push anew."""
+
+    def policy(rng: np.random.Generator) -> Iterator[Push]:
+        while True:
+            yield np.asarray(draw(rng))
+
+    return policy
 
 
-def corners(rng: np.random.Generator) -> Iterator[Push]:
-    """Yield random corners of the action space."""
-    while True:
-        yield rng.choice((-1.0, 1.0), 3)
+def corner(rng: np.random.Generator) -> Push:
+    """Return a random corner of the action space."""
+    return rng.choice((-1.0, 1.0), 3)
 
 
 def switching(rng: np.random.Generator) -> Iterator[Push]:
     """Alternate between a corner and the opposite one."""
-    corner = rng.choice((-1.0, 1.0), 3)
+    push = corner(rng)
     while True:
-        yield corner
-        corner = -corner
-
-
-def softest(rng: np.random.Generator) -> Iterator[Push]:
-    """Ask for the softest fluid with the longest step."""
-    while True:
-        yield np.array([1.0, -1.0, rng.uniform(-1, 1)])
-
-
-def stiffest(rng: np.random.Generator) -> Iterator[Push]:
-    """Ask for the stiffest fluid with the largest Courant number."""
-    while True:
-        yield np.array([1.0, 1.0, rng.choice((-1.0, 1.0))])
+        yield push
+        push = -push
 
 
 def ambush(rng: np.random.Generator) -> Iterator[Push]:
@@ -70,12 +63,13 @@ def held(rng: np.random.Generator) -> Iterator[Push]:
         yield push
 
 
-POLICIES: dict[str, Callable[[np.random.Generator], Iterator[Push]]] = {
-    "uniform": uniform,
-    "corners": corners,
+POLICIES: dict[str, Policy] = {
+    "uniform": drawn(lambda rng: rng.uniform(-1, 1, 3)),
+    "corners": drawn(corner),
     "switching": switching,
-    "softest": softest,
-    "stiffest": stiffest,
+    # the softest fluid with the longest step, and the stiffest with the largest Courant number
+    "softest": drawn(lambda rng: [1.0, -1.0, rng.uniform(-1, 1)]),
+    "stiffest": drawn(lambda rng: [1.0, 1.0, rng.choice((-1.0, 1.0))]),
     "ambush": ambush,
     "walk": walk,
     "held": held,

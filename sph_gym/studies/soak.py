@@ -28,7 +28,6 @@ from sph_gym.studies.policies import POLICIES, Push
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
 
-FOLDER = Path("runs/studies")
 FULL, QUICK = 200_000, 2000
 # Steps between two actions that are none.
 WRONG_EVERY = 10
@@ -200,7 +199,7 @@ def _sum_up(checkers: list[ContractChecker]) -> dict[str, Any]:
 # --- The study ------------------------------------------------------------------------------
 
 
-def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
+def measure(quick: bool, folder: Path) -> Iterator[Row]:
     """Yield rows of what was counted, with a progress bar that tells how long it will take.
 
     Finished chunks are kept in the folder. Raises ImportError that names the extra to install.

@@ -1,11 +1,11 @@
 """Rows, the results of studies: measured values, with bounds that some must keep."""
 
-import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from sph_gym.extras import needs_extra, progress_bar
+from sph_gym.files import write_csv
 
 # Characters in a line of a table.
 WIDEST = 1000
@@ -94,8 +94,4 @@ def show(title: str, rows: Sequence[Row], path: Path) -> None:
 
 def write(rows: Sequence[Row], path: Path) -> None:
     """Write the rows as CSV, and make the folder if there is none."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow([*Row._fields, "holds"])
-        writer.writerows([*row, row.holds] for row in rows)
+    write_csv(path, [*Row._fields, "holds"], ([*row, row.holds] for row in rows))

@@ -24,8 +24,6 @@ from sph_gym.studies import gallery
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
 
-FOLDER = Path("runs/studies")
-
 
 class Validated(NamedTuple):
     """A finished run: its scene and arguments, what was found, how long it took.
@@ -65,7 +63,7 @@ def with_reference() -> list[str]:
 
 def measure(
     quick: bool,
-    folder: Path = FOLDER,
+    folder: Path,
     chosen: Sequence[str] | None = None,
     again: bool = False,
 ) -> Iterator[Row]:

@@ -237,14 +237,15 @@ def test_plates_let_no_particle_out():
 
 
 def test_memory_is_looked_at(monkeypatch, tmp_path):
-    looks, results = [], stability._results(tmp_path, "memory")
-    rows = list(memory.rows(True, results, lambda: looks.append(1)))
-    assert rows == list(memory.rows(True, results, lambda: pytest.fail("run twice")))
-    assert len(looks) == memory.N_LOOKS
+    results = stability._results(tmp_path, "memory")
+    rows = list(memory.rows(True, results))
+    with monkeypatch.context() as patch:
+        patch.setattr(memory, "growth", lambda *_: pytest.fail("run twice"))
+        assert rows == list(memory.rows(True, results))
     assert [row for row in rows if not row.holds] == []
     assert len(rows) == len(memory.WAYS) == 3
     grown = itertools.count(100.0, 2 * memory.bound(memory.QUICK_STEPS))
     monkeypatch.setattr(memory, "resident", lambda: next(grown))
     monkeypatch.setattr(memory, "WAYS", {"nothing": lambda: itertools.repeat(1000)})
-    [row] = memory.rows(True, results, lambda: None)
+    [row] = memory.rows(True, results)
     assert not row.holds

@@ -21,7 +21,6 @@ from sph_gym.studies.peers import Peers
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
 
-FOLDER = Path("runs/studies")
 # Bounds of the spread of a point's times over their median: at the 90th of a hundred points, and at
 # the one in the middle.
 NOISE, USUAL_NOISE = 0.2, 0.1
@@ -35,7 +34,7 @@ USUAL_SERIES = 8
 
 def measure(
     quick: bool,
-    folder: Path = FOLDER,
+    folder: Path,
     chosen: Sequence[str] | None = None,
     again: bool = False,
     peers: Peers | None = None,

@@ -1,6 +1,5 @@
 """Tables of the study: points, gains, cheapest settings and promises as CSV and Parquet."""
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
 from itertools import groupby
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym.extras import needs_extra
+from sph_gym.files import write_csv
 from sph_gym.provenance import source_hash
 from sph_gym.recommend import published, series
 from sph_gym.recommend.settings import TITLES, Setting, nominal, write_changes
@@ -49,15 +49,12 @@ def write_all(points: Sequence[Point], trials: Sequence[Trial], folder: Path) ->
     _write(settings, folder / "cheapest")
     short = [_published_setting(row) for row in settings]
     gains = [row for own in by_scene for row in _published_gains(own)]
-    (folder / "found").mkdir(exist_ok=True)
     for name, columns, rows in (
         ("cheapest", published.CHEAPEST, short),
         ("gains", published.GAINS, gains),
     ):
-        with (folder / "found" / f"{name}.csv").open("w", newline="") as file:
-            writer = csv.DictWriter(file, columns)
-            writer.writeheader()
-            writer.writerows(rows)
+        cells = ([row.get(column, "") for column in columns] for row in rows)
+        write_csv(folder / "found" / f"{name}.csv", columns, cells)
     (folder / "found" / "cheapest.md").write_text(_page(short))
 
 

@@ -18,7 +18,6 @@ from sph_gym.studies.stability import bodies, figures, jets, maps, memory, runs,
 from sph_gym.studies.stability.case import VARIANTS, Case
 from sph_gym.studies.table import Row
 
-FOLDER = Path("runs/studies")
 _CATALOGUE = ("bodies", "case", "checks", "comparisons", "events", "jets", "runs", "tanks")
 # Variants of the quick version, and the one scene that it maps.
 QUICK_VARIANTS, QUICK_SCENES = VARIANTS[:3], ("relaxation",)
@@ -29,7 +28,7 @@ def cases() -> list[Case]:
     return [*bodies.cases(), *tanks.cases(), *jets.cases(), *tanks.schemes()]
 
 
-def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
+def measure(quick: bool, folder: Path) -> Iterator[Row]:
     """Yield rows of all cases, of the memory, of boundary particles and of all maps.
 
     quick: fewer frames, three variants, one small map. Finished runs are kept in the folder, and
@@ -38,10 +37,8 @@ def measure(quick: bool, folder: Path = FOLDER) -> Iterator[Row]:
     place = folder / "stability"
     _results(place).check_writable()
     yield from catalogue(quick, place)
-    with progress_bar(memory.N_LOOKS, "memory", "look") as bar:
-        yield from memory.rows(quick, _results(place, "case", "memory", "tanks"), bar.update)
-    with progress_bar(jets.N_LOOKS, "boundary particles") as bar:
-        yield from jets.rows(_results(place, "bodies", "case", "checks", "jets"), bar.update)
+    yield from memory.rows(quick, _results(place, "case", "memory", "tanks"))
+    yield from jets.rows(_results(place, "bodies", "case", "checks", "jets"))
     for name in QUICK_SCENES if quick else SCENES:
         yield from chart(name, quick, place)
 

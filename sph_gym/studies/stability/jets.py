@@ -3,12 +3,14 @@
 And a table of what boundary particles hold without a box or plates behind them.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sph_gym.extras import progress
 from sph_gym.solver.geometry import lattice
 from sph_gym.solver.scene import Fluid, Scene
 from sph_gym.solver.simulation import Simulation
@@ -114,7 +116,6 @@ HELD = 0.4
 # In multiples of the stable step; above it, no particle may pass in silence either.
 STEPS = (1.0, 2.0, 4.0)
 FRAMES = 60
-N_LOOKS = len(VARIANTS) * len(STEPS)
 
 
 class Strays(NamedTuple):
@@ -147,22 +148,15 @@ def passed(variant: Variant, mach: float, step: float = 1.0) -> Strays:
     return Strays(most, 0)
 
 
-def rows(results: Results, look: Callable[[], Any]) -> Iterator[Row]:
-    """Yield up to which Mach number no stray passes, and how many pass unreported at any.
-
-    look: called after every variant and step.
-    """
-    for variant in VARIANTS:
-        for step in STEPS:
-            outcomes = {
-                mach: Strays(*results.get(
-                    ["boundary particles", variant.name, mach, step],
-                    partial(passed, variant, mach, step), is_record(Strays),
-                ))
-                for mach in MACH
-            }  # fmt: skip
-            look()
-            yield from _rows(f"{variant.name}, dt x {step:g}", step, outcomes)
+def rows(results: Results) -> Iterator[Row]:
+    """Yield up to which Mach number no stray passes, and how many pass unreported at any."""
+    for variant, step in progress([*product(VARIANTS, STEPS)], "boundary particles"):
+        outcomes = {}
+        for mach in MACH:
+            key = ["boundary particles", variant.name, mach, step]
+            compute = partial(passed, variant, mach, step)
+            outcomes[mach] = Strays(*results.get(key, compute, is_record(Strays)))
+        yield from _rows(f"{variant.name}, dt x {step:g}", step, outcomes)
 
 
 def _rows(label: str, step: float, outcomes: dict[float, Strays]) -> Iterator[Row]:

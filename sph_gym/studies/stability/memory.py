@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 
 from sph_gym.env.registration import env_id
+from sph_gym.extras import progress
 from sph_gym.solver.simulation import Simulation
 from sph_gym.studies.results import Results
 from sph_gym.studies.stability import tanks
@@ -83,30 +84,25 @@ WAYS: dict[str, Callable[[], Iterator[int]]] = {
     "an environment": environment,
     "a vector of environments": vector,
 }
-N_LOOKS = LOOKS * len(WAYS)
 
 
-def growth(way: str, steps: int, look: Callable[[], Any] = lambda: None) -> float:
-    """Return the memory gained [MB] over the last nine tenths of so many steps.
-
-    look: called a hundred times.
-    """
+def growth(way: str, steps: int) -> float:
+    """Return the memory gained [MB] over the last nine tenths of so many steps."""
     play, before = WAYS[way](), math.nan
-    for share in range(LOOKS):
+    for share in progress(range(LOOKS), f"memory of {way}", "look"):
         done = 0
         while done < steps / LOOKS:
             done += next(play)
         if share == LOOKS // 10 - 1:
             before = resident()
-        look()
     return resident() - before
 
 
-def rows(quick: bool, results: Results, look: Callable[[], Any]) -> Iterator[Row]:
+def rows(quick: bool, results: Results) -> Iterator[Row]:
     """Yield the growth over 10^6 steps, or over some thousand."""
     steps = QUICK_STEPS if quick else STEPS
     for way in WAYS:
-        compute = partial(growth, way, steps, look)
+        compute = partial(growth, way, steps)
         gained = float(results.get(["memory", way, steps], compute, _is_number))
         known = math.isfinite(gained)
         label = f"{way}, {steps:,} steps" + ("" if known else ", which this system doesn't tell")

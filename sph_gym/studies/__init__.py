@@ -11,7 +11,6 @@ from sph_gym.studies import (
     effects,
     exploits,
     headroom,
-    labels,
     machine,
     soak,
     stability,
@@ -42,7 +41,7 @@ _BY_SCENE: dict[str, Callable[[], list[str]]] = {
 _FINISH: dict[str, Callable[[list[Row], Path], None]] = {
     "throughput": throughput.finish,
     "headroom": headroom.finish,
-    "exploits": labels.explain,
+    "exploits": headroom.explain,
 }
 
 

@@ -24,7 +24,7 @@ from sph_gym.env import SCENES, instances
 from sph_gym.env.oracle import COARSE, Oracle, Search
 from sph_gym.extras import progress_bar
 from sph_gym.files import write_csv
-from sph_gym.studies import episodes, labels
+from sph_gym.studies import episodes
 from sph_gym.studies.episodes import Score, Setting, StaticGrid, best_static, run
 from sph_gym.studies.exploits import tuned_cfl
 from sph_gym.studies.table import Row
@@ -37,6 +37,8 @@ CONTROLS = ("Courant multiple", "sound speed", "xsph")
 # The loss of another search with all controls; and the coordinate of XSPH with no smoothing at all.
 LUCK = "nothing: luck of the search"
 XSPH_AXIS, XSPH_OFF = 2, -1.0
+# Quantities of the rows that tell a scene's headroom.
+GAIN, NONE = "headroom over the best static", "no headroom: both within tolerance nowhere"
 # Fields of a contest and their names in tables.
 PLAYERS = {"rule": "tuned CFL", "static": "best static", "oracle": "oracle"}
 COLUMNS = ("instance", "label", "player", *Score._fields, "within", "setting", "headroom")
@@ -167,9 +169,27 @@ def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
 
 
 def finish(rows: list[Row], path: Path) -> None:
-    """Print where the scores are, and why some scenes are no benchmarks; path: of a picture."""
+    """Write the labels of scenes, and print where what is; path: of a picture."""
     print(f"instances: {path.with_name(_file(path.stem))}")
-    labels.explain(rows, path)
+    explain(rows, path)
+    found = []
+    for row in rows:
+        scene, _, label = row.case.partition(", ")
+        if scene in SCENES and row.quantity in (GAIN, NONE):
+            is_known = row.quantity == GAIN and math.isfinite(row.value)
+            found.append((scene, f"{row.value:.4g}" if is_known else "", label))
+    if found:
+        table = path.with_name(f"{path.stem}_labels.csv")
+        write_csv(table, ("scene", "headroom", "label"), found)
+        print(f"labels: {table}; the pages of environments show those of FAMILY in sph_gym/scenes")
+
+
+def explain(rows: list[Row], path: Path) -> None:
+    """Print for each scene of the rows that is no benchmark why it is none."""
+    shown = {row.case.split(",")[0].split("/")[0] for row in rows}
+    for scene, reason in instances.DIAGNOSTIC.items():
+        if scene in shown:
+            print(f"{scene} is diagnostic, no benchmark: {reason}")
 
 
 def _file(stem: str) -> str:
@@ -223,10 +243,10 @@ def _headrooms(scene: str, contests: list[Contest], case: str, of_all: str) -> I
             yield Row("headroom", _id(scene, number), ratio, "")
     n_compared = sum(map(math.isfinite, ratios))
     if not n_compared and scene in instances.DIAGNOSTIC:
-        yield Row("no headroom: both within tolerance nowhere", case, 0.0, of_all)
+        yield Row(NONE, case, 0.0, of_all)
         return
     yield Row("static and oracle within tolerance", case, float(n_compared), of_all)
-    yield Row("headroom over the best static", case, headroom(contests), "")
+    yield Row(GAIN, case, headroom(contests), "")
     if 0 < n_compared < len(ratios):
         yield Row("the same, if elsewhere nothing is gained", case, least_headroom(contests), "")
 

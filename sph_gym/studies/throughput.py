@@ -22,7 +22,7 @@ from sph_gym.solver.batch import advance_all
 from sph_gym.solver.model import with_controls
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import DTYPES, Simulation
-from sph_gym.studies import compilation, environments, picture, variants
+from sph_gym.studies import environments, picture, startup, variants
 from sph_gym.studies.peers import NAME, SCRIPT, Peers, compare
 from sph_gym.studies.phases import PHASES
 from sph_gym.studies.table import Part, Row, measure_parts
@@ -84,8 +84,8 @@ def measure(quick: bool, peers: Peers | None = None) -> Iterator[Row]:
 
     Raises ImportError that names the extra to install, ValueError if the peers have no script.
     """
-    if peers is not None and not (peers.folder / SCRIPT).is_file():
-        raise ValueError(f"--peers: no {peers.folder / SCRIPT}")
+    if peers is not None:
+        peers.check(SCRIPT)
     return measure_parts(parts(QUICK if quick else FULL, peers))
 
 
@@ -102,7 +102,7 @@ def parts(plan: ThroughputPlan, peers: Peers | None = None) -> list[Part]:
     for scene in plan.agents.spacings:
         rows = partial(environments.measure, plan.agents, *scene)
         found.append((f"environments, {scene[0]}", rows))
-    found.append(("compiling", compilation.measure))
+    found.append(("compiling", startup.compiling))
     if peers is not None:
         sizes = [n for n in plan.sizes if n >= plan.reference]
         for dtype, n in product(DTYPES, sizes):

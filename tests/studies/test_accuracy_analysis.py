@@ -8,6 +8,7 @@ import pytest
 from sph_gym.recommend.series import slope
 from sph_gym.recommend.settings import nominal
 from sph_gym.scenes.shared.refinement import refinement
+from sph_gym.studies import picture
 from sph_gym.studies.accuracy import analysis, figures, tables
 from sph_gym.studies.accuracy.points import Point
 
@@ -93,7 +94,7 @@ def test_errors_within_the_scatter_of_a_flat_series_are_equal():
 
 @pytest.mark.parametrize("ends", [(0.011, 0.9), (1.2, 2.9), (3e5, 2e9), (0.97, 1.6), (0.1, 9)])
 def test_ticks_are_few_round_numbers_within(ends):
-    axes = figures._new_figure(4, 3).subplots()
+    axes = picture.new_figure(4, 3).subplots()
     axes.set(xscale="log", yscale="log", xlim=ends, ylim=ends)
     figures.set_ticks(axes)
     for axis in (axes.xaxis, axes.yaxis):

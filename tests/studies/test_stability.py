@@ -128,7 +128,7 @@ def test_the_docs_list_the_known_limits():
         )
     for limit in limits.MAP_LIMITS:
         expected.append(
-            f"| `{limit.scene}` | {limit.sound:g} | limit / article's rule | at least 1 "
+            f"| `{limit.case}` | {limit.variant} | limit / article's rule | at least 1 "
             f"| {limit.value:g} | {limit.bound:g} |"
         )
     assert rows == expected

@@ -147,9 +147,9 @@ def test_outcomes_have_their_own_colours():
 
 
 def test_a_known_limit_of_a_map_must_not_get_shorter():
-    limit = limits.map_limit("hydrostatic_tank", 0.16)
+    limit = limits.known_limit("hydrostatic_tank", "0.16", limits.STEP)
     row = Row("limit / article's rule", "soft", 0.48, "", 1.0, at_least=True)
     assert limits.as_limit(row, limit).verdict == limits.LABEL
     assert not limits.as_limit(row._replace(value=0.4), limit).holds
-    assert limits.map_limit("dam_break", 0.16) is None
-    assert limits.map_limit("hydrostatic_tank", 0.4) is None
+    assert limits.known_limit("dam_break", "0.16", limits.STEP) is None
+    assert limits.known_limit("hydrostatic_tank", "0.4", limits.STEP) is None

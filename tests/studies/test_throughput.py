@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sph_gym.studies import compilation, peer_solvers, throughput
+from sph_gym.studies import peer_solvers, startup, throughput
 from sph_gym.studies.peers import SCRIPT as SCRIPT_NAME
 from sph_gym.studies.peers import PeerError, Peers, compare, parse
 from sph_gym.studies.phases import PHASES
@@ -142,7 +142,7 @@ def test_pinning_is_undone():
 
 def test_compiling_is_measured(monkeypatch):
     found = {"import": 1.0, "advance": 2.0, "compiled": {"advance": 1.5}}
-    monkeypatch.setattr(compilation, "_first_advance", lambda cache: found)
-    rows = [(row.quantity, row.case, row.value) for row in compilation.measure()]
+    monkeypatch.setattr(startup, "_first_advance", lambda cache: found)
+    rows = [(row.quantity, row.case, row.value) for row in startup.compiling()]
     assert ("compile", "advance, float64", 1.5) in rows
     assert ("import, warm", "dam_break, float64", 1.0) in rows

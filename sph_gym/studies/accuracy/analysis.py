@@ -1,7 +1,7 @@
 """Conclusions from points: Pareto fronts, elasticities, orders, and gains at equal error."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -185,27 +185,23 @@ def gain_of_series(own: Sequence[Point], tried: Sequence[Point], cost: str) -> G
         return Gain(math.nan)
     theirs = {run.setting.across: run for run in tried}
     known = {run.setting.across: run for run in own if run.good and run.setting.across in theirs}
-    common = {across: theirs[across] for across in known}
+    if len(known) < FEWEST:
+        return Gain(math.nan)
+    # without finer nominal runs that are worse than all that both have
+    finest = max(known)
+    comparable = [
+        run
+        for run in own
+        if run.good and (run.setting.across <= finest or run.error <= known[finest].error)
+    ]
     found = []
     for across, start in known.items():
-        errors = _error(known, across), _error(common, across)
+        errors = [max(runs[n].error for n in known if n >= across) for runs in (known, theirs)]
         costs = getattr(start, cost), getattr(theirs[across], cost)
-        found.append(gain_of_run(errors, costs, _comparable(own, known), cost))
+        found.append(gain_of_run((errors[0], errors[1]), costs, comparable, cost))
     inside = [gain for gain in found if not gain.bound]
     counted = inside if len(inside) >= FEWEST else found
-    return sorted(counted)[(len(counted) - 1) // 2] if len(found) >= FEWEST else Gain(math.nan)
-
-
-def _comparable(own: Sequence[Point], known: Mapping[int, Point]) -> list[Point]:
-    """Return the nominal runs, without finer ones that are worse than all that both have."""
-    finest = max(known)
-    most = known[finest].error
-    return [r for r in own if r.good and (r.setting.across <= finest or r.error <= most)]
-
-
-def _error(runs: Mapping[int, Point], across: int) -> float:
-    """Return the error at a resolution, or at a finer one if it is larger there."""
-    return max(run.error for n, run in runs.items() if n >= across)
+    return sorted(counted)[(len(counted) - 1) // 2]
 
 
 # --- Gains of knobs -------------------------------------------------------------------------
@@ -227,12 +223,13 @@ def _value(knob: str, own: Sequence[Point], runs: Sequence[Point], cost: str) ->
         name: [getattr(run, name) / getattr(start, name) for start, run in pairs]
         for name in ("error", cost, "interactions")
     }
-    factors = [float(np.median(found)) if found else math.nan for found in ratios.values()]
-    cause = next((str(getattr(r, "cause", "")) for r in runs if not r.good), "")
+    medians = {n: float(np.median(found)) if found else math.nan for n, found in ratios.items()}
     gain, bound = gain_of_series(own, runs, cost)
-    value = value_of(runs[0], knob)
-    error, time, work = factors[0], factors[1], factors[-1]
-    return ValueGain(knob, value, error, time, work, gain, len(pairs), cause, bound)
+    return ValueGain(
+        knob, value_of(runs[0], knob),
+        medians["error"], medians[cost], medians["interactions"],
+        gain, len(pairs), next((run.cause for run in runs if not run.good), ""), bound,
+    )  # fmt: skip
 
 
 def best_value(

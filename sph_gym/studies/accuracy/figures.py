@@ -299,7 +299,8 @@ def _draw_gains(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> None:
         colour = "white" if shades[row, column] > 2.2 else "black"
         text = "-" if math.isnan(gain) else text
         axes.text(column, row, text, ha="center", va="center", fontsize=10.5, color=colour)
-    names = [name.replace("_", " ") + _star(refinement(name)) for name in by_scene]
+    cases = [refinement(name) for name in by_scene]
+    names = [c.scene.replace("_", " ") + " *" * (c.order is None or c.erratic) for c in cases]
     axes.set_yticks(range(len(names)), names, fontsize=10.5)
     axes.set_xticks(range(len(GAINS)), [title for _, title, _ in GAINS], fontsize=10)
     axes.tick_params(length=0, top=False, labeltop=True, bottom=False, labelbottom=False)
@@ -310,7 +311,3 @@ def _draw_gains(figure: Any, by_scene: Mapping[str, Sequence[Point]]) -> None:
         ">, <  at least, at most: its errors lie outside of what the scene's own settings have",
         fontsize=9.5, loc="left",
     )  # fmt: skip
-
-
-def _star(case: Refinement) -> str:
-    return "" if case.order is not None and not case.erratic else " *"

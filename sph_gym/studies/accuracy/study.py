@@ -122,7 +122,10 @@ def rows(case: Refinement, points: Sequence[Point]) -> Iterator[Row]:
     differing = float(sum(found.differing for found in points))
     yield Row("runs that differed when repeated", name, differing, "", 0.0)
     yield from _times(name, points)
-    yield _order(case, points)
+    last = case.until or case.sizes[-1]
+    good = [p for p in analysis.nominal_series(points) if p.good and p.setting.across <= last]
+    order = slope([found.dx for found in good], [found.error for found in good])
+    yield Row("order of convergence", name, order, "", case.order, case.order is not None)
     for knob in analysis.knobs(points):
         yield from _gains(name, knob, points)
     for target in analysis.TARGETS:
@@ -147,17 +150,8 @@ def _times(name: str, points: Sequence[Point]) -> Iterator[Row]:
     yield Row("benchmark, median", name, timed[0].speed, "particle-steps/s")
 
 
-def _order(case: Refinement, points: Sequence[Point]) -> Row:
-    last = case.until or case.sizes[-1]
-    good = [p for p in analysis.nominal_series(points) if p.good and p.setting.across <= last]
-    order = slope([found.dx for found in good], [found.error for found in good])
-    return Row("order of convergence", case.scene, order, "", case.order, case.order is not None)
-
-
 def _gains(name: str, knob: str, points: Sequence[Point]) -> Iterator[Row]:
-    for cost, title in (
-        ((TIME, "time"), ("interactions", "pairs")) if knob in analysis.NUMBERS else ()
-    ):
+    for cost, title in ((TIME, "time"), ("interactions", "pairs")):
         slope_of = analysis.knob_elasticity(points, knob, cost)
         if math.isfinite(slope_of):
             yield Row(f"elasticity over {title}: {knob}", name, slope_of, "")

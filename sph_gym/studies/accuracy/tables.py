@@ -49,13 +49,14 @@ def write_all(points: Sequence[Point], trials: Sequence[Trial], folder: Path) ->
     _write(settings, folder / "cheapest")
     short = [_published_setting(row) for row in settings]
     gains = [row for own in by_scene for row in _published_gains(own)]
-    for name, columns, rows in (
-        ("cheapest", published.CHEAPEST, short),
-        ("gains", published.GAINS, gains),
-    ):
-        cells = ([row.get(column, "") for column in columns] for row in rows)
-        write_csv(folder / "found" / f"{name}.csv", columns, cells)
-    (folder / "found" / "cheapest.md").write_text(_page(short))
+    found = folder / "found"
+    _write_published(short, found / "cheapest.csv", published.CHEAPEST)
+    _write_published(gains, found / "gains.csv", published.GAINS)
+    (found / "cheapest.md").write_text(_page(short))
+
+
+def _write_published(rows: list[dict[str, Any]], path: Path, columns: Sequence[str]) -> None:
+    write_csv(path, columns, ([row.get(column, "") for column in columns] for row in rows))
 
 
 def _write(rows: list[dict[str, Any]], stem: Path) -> None:
@@ -114,10 +115,8 @@ def cheapest_rows(points: Sequence[Point]) -> list[dict[str, Any]]:
     rows = []
     for target in TARGETS:
         row: dict[str, Any] = {"target": target, "reached": False, "scene": points[0].scene}
-        found = analysis.cheapest(counted, target)
-        if found is not None:
-            row |= {"reached": True, "error_without_luck": found.error}
-            row |= record(by_key[found.key])
+        if found := analysis.cheapest(counted, target):
+            row |= {"reached": True, "error_without_luck": found.error, **record(by_key[found.key])}
         rows.append(row)
     return rows
 

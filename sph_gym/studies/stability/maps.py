@@ -15,7 +15,7 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.studies.results import Results, is_record
-from sph_gym.studies.stability.limits import as_limit, map_limit
+from sph_gym.studies.stability.limits import STEP, as_limit, known_limit
 from sph_gym.studies.table import Row
 
 # Mean compression that a run is judged by, as the environments do.
@@ -195,8 +195,8 @@ def rows(name: str, found: StabilityMap) -> Iterator[Row]:
     multiples = found.limits / np.min([*found.rules().values()], axis=0)
     for (i, xsph), (j, sound) in itertools.product(enumerate(grid.xsph), enumerate(grid.sound)):
         case = f"{name}, c = {sound:.2g} c0, epsilon = {xsph:g}"
-        row = Row("limit / article's rule", case, float(multiples[i, j]), "", 1.0, at_least=True)
-        known = map_limit(name, sound)
+        row = Row(STEP, case, float(multiples[i, j]), "", 1.0, at_least=True)
+        known = known_limit(name, f"{sound:.2g}", STEP)
         yield row if known is None or row.holds else as_limit(row, known)
     causes = found.values("cause")
     blown, silent, of = (causes != "").sum(), (causes == UNREPORTED).sum(), f"of {causes.size}"

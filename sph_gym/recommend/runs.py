@@ -68,16 +68,13 @@ class Meter:
         self.own += self._clock() - own
         self.wall += time.perf_counter() - began
         self.substeps += report.n_substeps
-        self.interactions += report.n_substeps * float(self.sim.neighbor_counts.sum())
-        self._measure_compression()
-        return report
-
-    def _measure_compression(self) -> None:
         sim = self.sim
+        self.interactions += report.n_substeps * float(sim.neighbor_counts.sum())
         ratio = sim.rho[: sim.n_fluid] / sim.scene.fluid.rho0
         self._frames += 1
         self._compressions += float(np.maximum(ratio - 1, 0.0).mean())
         self.mach = max(self.mach, sim.max_speed / sim.sound_speed)
+        return report
 
     @property
     def compression(self) -> float:

@@ -203,13 +203,12 @@ def fit(runs: Iterable[MeasuredRun], floor: float) -> dict[Setting, Series]:
     return {
         own: _series(own, s, floor)
         for own, s in grouped.items()
-        if s[-1].setting.across >= finest and _counts(s, floor > 0)
+        if s[-1].setting.across >= finest
+        and len(s) >= FEWEST
+        and all(run.good for run in s)
+        and not too_soft(s)
+        and (floor > 0 or falls(*errors_of(s)))
     }
-
-
-def _counts(runs: Sequence[MeasuredRun], flat: bool) -> bool:
-    complete = len(runs) >= FEWEST and all(run.good for run in runs)
-    return complete and not too_soft(runs) and (flat or falls(*errors_of(runs)))
 
 
 def too_soft(runs: Iterable[MeasuredRun]) -> bool:

@@ -56,37 +56,29 @@ def describe(advice: Advice) -> list[tuple[str, str]]:
         "simulated": f"{scene.duration:.4g} s of flow",
         "compression": f"{100 * choice.compression:.2g} % in the mean; "
         f"Mach number {choice.mach:.2g}",
-        "budget": _budget(advice),
-        "tried": _tried(advice),
-        "caution": _caution(advice),
+        **_remarks(advice),
     }
-    return [(name, text) for name, text in lines.items() if text]
+    return list(lines.items())
 
 
-def _budget(advice: Advice) -> str:
-    """Return how much of a budget is used, and why not all of it."""
-    if advice.budget is None:
-        return ""
-    why = ": nothing finer was measured" if advice.best else ""
-    return f"uses {advice.seconds:.2g} of {advice.budget:g} s{why}"
-
-
-def _tried(advice: Advice) -> str:
-    """Return what a run in this case gave, or that there was none."""
-    if advice.tried is None:
-        return ""
-    if math.isnan(advice.tried):
-        return "not in this case, where it would take too long: the promise is an extrapolation"
-    return f"in this case, with an error of {100 * advice.tried:.3g} %"
-
-
-def _caution(advice: Advice) -> str:
-    if not advice.floor:
-        return ""
-    return (
-        f"errors are within their scatter, up to {100 * advice.floor:.3g} % at any resolution: "
-        "more time buys nothing"
-    )
+def _remarks(advice: Advice) -> dict[str, str]:
+    """Return the use of a budget, the result of a run in the case, and a warning of scatter."""
+    found = {}
+    if advice.budget is not None:
+        why = ": nothing finer was measured" if advice.best else ""
+        found["budget"] = f"uses {advice.seconds:.2g} of {advice.budget:g} s{why}"
+    if advice.tried is not None:
+        found["tried"] = (
+            "not in this case, where it would take too long: the promise is an extrapolation"
+            if math.isnan(advice.tried)
+            else f"in this case, with an error of {100 * advice.tried:.3g} %"
+        )
+    if advice.floor:
+        found["caution"] = (
+            f"errors are within their scatter, up to {100 * advice.floor:.3g} % at any resolution: "
+            "more time buys nothing"
+        )
+    return found
 
 
 def program(advice: Advice) -> str:

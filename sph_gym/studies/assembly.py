@@ -84,8 +84,6 @@ def pair_loops(lines: list[str]) -> list[list[str]]:
             spans.append((places[found[1]], k))
     inner = [s for s in spans if not any(s != t and s[0] <= t[0] and t[1] <= s[1] for t in spans)]
     bodies = [instructions(lines[first : last + 1]) for first, last in inner]
-    return [body for body in bodies if _takes(body, "sqrt") and _takes(body, "rcp", "div")]
-
-
-def _takes(body: list[str], *names: str) -> bool:
-    return any(name in line.split()[0] for line in body for name in names)
+    commands = [" ".join(line.split()[0] for line in body) for body in bodies]
+    named = zip(bodies, commands, strict=True)
+    return [body for body, said in named if "sqrt" in said and ("rcp" in said or "div" in said)]

@@ -8,7 +8,6 @@ on how busy the machine is.
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,18 +26,8 @@ SPACINGS = {
     "relaxation": 0.008,
     "hydrostatic_tank": 0.01,
 }
-
-
-class CostPlan(NamedTuple):
-    """Scenes and their spacings [m], repetitions, particle-steps of a timed call."""
-
-    spacings: dict[str, float] = SPACINGS
-    rounds: int = 61
-    work: int = 200_000
-
-
-FULL = CostPlan()
-QUICK = CostPlan({"dam_break": SPACINGS["dam_break"]}, 31)
+# Repetitions, whole and quick, and particle-steps of a timed call.
+ROUNDS, QUICK_ROUNDS, WORK = 61, 31, 200_000
 
 
 def measure(quick: bool) -> Iterator[Row]:
@@ -46,37 +35,33 @@ def measure(quick: bool) -> Iterator[Row]:
 
     Raises ImportError that names the extra to install.
     """
-    return measure_parts(parts(QUICK if quick else FULL))
-
-
-def parts(plan: CostPlan) -> list[Part]:
-    """Return title and rows of every part of the study."""
-    found: list[Part] = []
-    for scene, dx in plan.spacings.items():
+    parts: list[Part] = []
+    for scene, dx in [*SPACINGS.items()][: 1 if quick else None]:
         for effect in variants.EFFECTS:
-            found.append((f"{scene}, {effect}", partial(present, plan, scene, effect)))
+            rounds = QUICK_ROUNDS if quick else ROUNDS
+            parts.append((f"{scene}, {effect}", partial(present, scene, dx, effect, rounds)))
         for build, effects in comparisons(scene, dx):
             title = f"{scene} without {build.left_out or 'all others'}"
-            found.append((title, partial(absent, build, effects)))
-    return found
+            parts.append((title, partial(absent, build, effects)))
+    return measure_parts(parts)
 
 
-def present(plan: CostPlan, scene: str, effect: str) -> Iterator[Row]:
+def present(scene: str, dx: float, effect: str, rounds: int, work: int = WORK) -> Iterator[Row]:
     """Yield the cost of an effect that the scene names, or that is added to it.
 
     Both sides begin in the same state in every call: the work is compared, not the flow.
     """
-    whole = scenes.make(scene, dx=plan.spacings[scene])
+    whole = scenes.make(scene, dx=dx)
     try:
         named = variants.added(whole, effect)
     except ValueError:
         # open space has no walls that could be added
         return
     pair = named, variants.left_out(named, effect)
-    runners = [Runner(one, work=plan.work) for one in pair]
+    runners = [Runner(one, work=work) for one in pair]
     same_home(runners)
     clock = own_clock()
-    times = in_turns([partial(runner.seconds, clock) for runner in runners], plan.rounds)
+    times = in_turns([partial(runner.seconds, clock) for runner in runners], rounds)
     n_fluid = runners[0].sim.n_fluid
     share = 100 * (1 - float(np.median(times[:, 1] / times[:, 0])))
     cost = float(np.median(times[:, 0] - times[:, 1])) / n_fluid * 1e9

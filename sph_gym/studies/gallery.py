@@ -71,7 +71,11 @@ def _references(results: Sequence[Any]) -> list[Any]:
     finest = {repr(_others(result)): result for result in results}
     distinct: list[Any] = []
     for curve in (curve for result in finest.values() for curve in result.chart.curves):
-        if curve.reference and not any(_same(curve, other) for other in distinct):
+        like = [other for other in distinct if curve.label == other.label]
+        same = (
+            np.array_equal(curve.x, other.x) and np.array_equal(curve.y, other.y) for other in like
+        )
+        if curve.reference and not any(same):
             distinct.append(curve)
     return distinct
 
@@ -79,8 +83,3 @@ def _references(results: Sequence[Any]) -> list[Any]:
 def _others(result: Any) -> list[tuple[str, Any]]:
     """Return the arguments of a result except dx."""
     return sorted((name, value) for name, value in result.arguments.items() if name != "dx")
-
-
-def _same(curve: Any, other: Any) -> bool:
-    places = (curve.x, other.x), (curve.y, other.y)
-    return curve.label == other.label and all(np.array_equal(*pair) for pair in places)

@@ -124,14 +124,13 @@ def test_a_process_that_fails_is_reported():
 
 
 def test_presence_is_timed():
-    plan = effects.CostPlan({"relaxation": 0.05}, 1, 1000)
-    rows = list(effects.present(plan, "relaxation", "laminar_viscosity"))
+    rows = list(effects.present("relaxation", 0.05, "laminar_viscosity", 1, 1000))
     assert [row.unit for row in rows] == [
         "% of a step", "ns/fluid particle", "bytes/fluid particle"
     ]  # fmt: skip
     assert {row.case for row in rows} == {"laminar_viscosity, relaxation"}
     assert all(math.isfinite(row.value) for row in rows)
-    assert list(effects.present(plan, "relaxation", "walls")) == []
+    assert list(effects.present("relaxation", 0.05, "walls", 1, 1000)) == []
 
 
 def named(scene, dx):

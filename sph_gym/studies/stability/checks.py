@@ -138,14 +138,6 @@ def _in_box(sim: Simulation) -> tuple[Any, Any, Any, float]:
     return x, box[::2], box[1::2], slack
 
 
-def _number(name: str) -> Callable[["CaseRun"], float]:
-    return lambda run: run.numbers[name]
-
-
-def _density(extreme: Callable[[Any], Any]) -> Callable[["CaseRun"], float]:
-    return lambda run: run.density(extreme)
-
-
 def _drift(run: "CaseRun") -> float:
     change = float(np.hypot(*(momentum(run.sim) - run.momentum)))
     speed = max(run.fastest, 1e-3 * run.scene.fluid.c0)
@@ -153,12 +145,12 @@ def _drift(run: "CaseRun") -> float:
 
 
 def _grid(run: "CaseRun") -> float:
-    gap = comparisons.grid_gap if run.is_affordable else comparisons.sample_gap
-    return gap(run.sim)
+    few = run.sim.n_particles <= AFFORDABLE
+    return (comparisons.grid_gap if few else comparisons.sample_gap)(run.sim)
 
 
 def _observables(run: "CaseRun") -> float | None:
-    if run.dtype != "float64" or not run.is_affordable:
+    if run.dtype != "float64" or run.sim.n_particles > AFFORDABLE:
         return None
     return comparisons.run_gap(run.copy, run.advance, min(COMPARED, run.frames))
 
@@ -172,10 +164,6 @@ def _unrest(run: "CaseRun") -> float | None:
         return None
     depth = hydrostatic_tank.depth_of(run.scene)
     return run.numbers["kinetic_energy"] / (tanks.weight(run.sim) * depth)
-
-
-def _unlike(run: "CaseRun") -> float | None:
-    return None if run.twin is None else comparisons.displaced_gap(run.sim, run.twin.sim)
 
 
 def _clumped(run: "CaseRun") -> float | None:
@@ -208,7 +196,7 @@ CHECKS = (
             _observables, ALIKE),
     _smallest("happened", "what must have happened", "", END, lambda run: run.happened()),
     Check("excess", "energy from nowhere", "of what is at stake", FRAME,
-          _number("energy_excess"), 0.02),
+          lambda run: run.numbers["energy_excess"], 0.02),
     Check("rise", "rise of energy from nowhere", "of what is at stake", FRAME,
           lambda run: run.energy_rise, "excess"),
     Check("gain", "mean compression beyond the start's", "rho0", FRAME,
@@ -216,22 +204,24 @@ CHECKS = (
     _if_asked("burst", "mean compression after the first frame", "rho0", FRAME,
               lambda run: run.numbers["density_error"] if run.report.n_substeps else None),
     Check("density", "mean compression, second half", "rho0", LATE,
-          _number("density_error"), 0.02),
+          lambda run: run.numbers["density_error"], 0.02),
     Check("p99", "99th percentile of compression, second half", "rho0", LATE,
-          _number("density_error_p99"), DENSE),
+          lambda run: run.numbers["density_error_p99"], DENSE),
     _if_asked("clumping", "closer than 0.6 dx, second half", "of the particles", LATE,
-              _number("clumping")),
-    _if_asked("peak", "largest density, second half", "rho0", LATE, _density(np.max)),
+              lambda run: run.numbers["clumping"]),
+    _if_asked("peak", "largest density, second half", "rho0", LATE,
+              lambda run: run.density(np.max)),
     _smallest("lowest", "least density", "a lonely particle's", FRAME,
               lambda run: run.density(np.min) / lonely_density(run.sim), LONELY),
     _if_asked("highest", "largest density", "a lonely particle's", FRAME,
               lambda run: run.density(np.max) / lonely_density(run.sim)),
     _smallest("left", "least density of fluid that stays together", "the start's least", FRAME,
               lambda run: run.density(np.min) / run.least_density, optional=True),
-    _smallest("typical", "least median density", "rho0", FRAME, _density(np.median),
-              optional=True),
+    _smallest("typical", "least median density", "rho0", FRAME,
+              lambda run: run.density(np.median), optional=True),
     _if_asked("kinetic", "kinetic energy once at rest", "m g H", FRAME, _unrest),
-    _if_asked("unlike", "end unlike that of its twin", "dx, energy", END, _unlike),
+    _if_asked("unlike", "end unlike that of its twin", "dx, energy", END,
+              lambda run: comparisons.displaced_gap(run.sim, run.twin.sim) if run.twin else None),
     _if_asked("clumped", "more than its twin closer than 0.6 dx", "of the particles", END,
               _clumped),
 )

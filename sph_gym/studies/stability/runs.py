@@ -163,11 +163,6 @@ class CaseRun:
         """Return a statistic, such as `np.min`, of the densities of the fluid [rho0]."""
         return float(extreme(self.sim.rho[: self.sim.n_fluid])) / self.scene.fluid.rho0
 
-    @property
-    def is_affordable(self) -> bool:
-        """True if brute force is asked about all particles."""
-        return self.sim.n_particles <= checks.AFFORDABLE
-
 
 # --- Rows -----------------------------------------------------------------------------------
 

@@ -163,12 +163,10 @@ def _worthwhile(plan: StudyPlan, case: Refinement, found: Runs) -> dict[str, tup
             if name == knob and s.step <= LONGEST:
                 tried.setdefault(getattr(s, knob), []).append(found[s])
         cost = "effort" if knob == "dtype" else "interactions"
-        gains = [
-            (value, _gain(own, runs, cost)) for value, runs in tried.items() if not too_soft(runs)
-        ]
-        best = max(gains, key=lambda best: best[1], default=(None, 0.0))
-        if best[1] >= WORTHWHILE:
-            values[knob] = best
+        gains = {v: _gain(own, runs, cost) for v, runs in tried.items() if not too_soft(runs)}
+        best = max(gains, key=lambda value: gains[value], default=None)
+        if gains.get(best, 0.0) >= WORTHWHILE:
+            values[knob] = best, gains[best]
     return values
 
 

@@ -161,12 +161,11 @@ def measure_point(
 
 def _is_enough(kept: dict[str, Any], repeats: int) -> bool:
     """Return whether a median can be taken; a blow-up needs no time."""
-    times = np.array(kept["times"], float).reshape(-1, 3)
-    if kept["outcome"]["cause"] or len(times) >= MOST:
+    _, own, speed = np.array(kept["times"], float).reshape(-1, 3).T
+    if kept["outcome"]["cause"] or len(own) >= MOST:
         return True
-    if len(times) < repeats or times[:, 1].sum() < PATIENCE:
-        return False
-    return len(times) < FEWEST or _spread(times[:, 1] * times[:, 2]) <= AGREED
+    agreed = len(own) < FEWEST or _spread(own * speed) <= AGREED
+    return len(own) >= repeats and own.sum() >= PATIENCE and agreed
 
 
 def _spread(efforts: NDArray[np.float64]) -> float:

@@ -13,7 +13,7 @@ from sph_gym.recommend.series import group
 from sph_gym.scenes.shared.free_bodies import ellipse
 from sph_gym.scenes.shared.martin_moyce import SHIFTS, front_error
 from sph_gym.studies import peers as racing
-from sph_gym.studies.accuracy.analysis import chance, cost_at, count, nominal_series
+from sph_gym.studies.accuracy.analysis import Gain, chance, cost_at, count, nominal_series
 from sph_gym.studies.accuracy.points import Point, works
 from sph_gym.studies.peers import PeerError, Peers
 from sph_gym.studies.results import Results
@@ -82,27 +82,26 @@ def _compare(scene: str, ours: Sequence[Point], theirs: Sequence[PeerRun]) -> It
             yield Row(quantity, case, ratio, "", bound, at_least=bound is not None)
 
 
+def _cost(runs: Sequence[Point] | Sequence[PeerRun], target: float, clock: str) -> Gain:
+    """Return the seconds for an error, between runs from coarse to fine, on logarithmic scales."""
+    return cost_at([getattr(run, clock) for run in runs], [run.error for run in runs], target)
+
+
 def least_time(points: Sequence[Point], target: float, clock: str) -> float:
     """Return the seconds that the cheapest of some series takes for an error; NaN if none has it.
 
-    Interpolated between its runs, on logarithmic scales.
+    Where even its coarsest run has less, the time of that.
     """
-    costs = [
-        cost_at([getattr(p, clock) for p in runs], [p.error for p in runs], target)
-        for runs in group(points).values()
-    ]
-    # where even the coarsest has less, its time is what it takes
+    costs = [_cost(runs, target, clock) for runs in group(points).values()]
     return min((cost.gain for cost in costs if cost.bound != ">"), default=math.nan)
 
 
 def time_of_peer(theirs: Sequence[PeerRun], target: float, clock: str) -> float:
-    """Return the seconds that they take for an error, interpolated on logarithmic scales.
+    """Return the seconds that they take for an error; NaN if their coarsest run undercuts it.
 
-    For an error that none of their runs has, the time of the finest, which isn't enough; NaN for
-    one that the coarsest undercuts already.
+    For an error that none of their runs has, the time of the finest, which isn't enough.
     """
-    runs = sorted(theirs, key=lambda found: found.across)
-    cost = cost_at([getattr(run, clock) for run in runs], [run.error for run in runs], target)
+    cost = _cost(sorted(theirs), target, clock)
     return math.nan if cost.bound == "<" else cost.gain
 
 

@@ -140,10 +140,9 @@ def _times(name: str, points: Sequence[Point]) -> Iterator[Row]:
     timed = [found for found in points if found.runs > 1 and not found.cause]
     if not timed:
         return
-    spreads = [found.spread for found in timed]
     for share, bound in ((0.5, USUAL_NOISE), (0.9, NOISE)):
         case = f"{name}, {100 * share:g} of 100 points"
-        spread = float(np.quantile(spreads, share))
+        spread = float(np.quantile([found.spread for found in timed], share))
         yield Row("spread of repeated times / median", case, spread, "", bound)
     share = float(np.median([found.own / found.wall for found in timed]))
     yield Row("processor time / wall clock", name, share, "")

@@ -113,16 +113,9 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "kinetic energy / that before the impact", [simulated, exact])
 
 
-REFERENCE = Reference(
-    source="Marrone et al. 2015: the loss by the impact of incompressible patches, as a series",
-    unit="% of the energy",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80}),
-    quick=2,
-)
+SOURCE = "Marrone et al. 2015: the loss by the impact of incompressible patches, as a series"
+RESOLUTIONS = ({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80})
+REFERENCE = Reference(SOURCE, "% of the energy", error, observe, judge, chart, RESOLUTIONS, quick=2)
 
 REFINEMENT = Refinement(
     "colliding_patches", "height", (10, 14, 20, 28, 40), 20,

@@ -125,22 +125,13 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "place of the bore [m]", curves)
 
 
-REFERENCE = Reference(
-    source="Martin & Moyce 1952, tables 2 and 6, n^2 = 2; Stoker 1957 for the wet bed",
-    unit="% of the measured front",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=(
-        {"dx": 0.025},
-        {"dx": 0.0125},
-        *(
-            {"dx": dx, "width": 0.8, "height": 0.2, "tank": 4.0, "wet_bed": 0.06}
-            for dx in (0.02, 0.01)
-        ),
-    ),
+SOURCE = "Martin & Moyce 1952, tables 2 and 6, n^2 = 2; Stoker 1957 for the wet bed"
+RESOLUTIONS = (
+    {"dx": 0.025},
+    {"dx": 0.0125},
+    *({"dx": dx, "width": 0.8, "height": 0.2, "tank": 4.0, "wet_bed": 0.06} for dx in (0.02, 0.01)),
 )
+REFERENCE = Reference(SOURCE, "% of the measured front", error, observe, judge, chart, RESOLUTIONS)
 
 REFINEMENT = Refinement(
     "dam_break", "width", (10, 14, 20, 28, 40), 20,

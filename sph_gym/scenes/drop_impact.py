@@ -127,15 +127,9 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "height of the drop's centre [m]", [parabola, simulated])
 
 
-REFERENCE = Reference(
-    source="free fall: y = y0 - g t^2 / 2; no energy from nowhere",
-    unit="% of the way to the pool",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 0.02}, {"dx": 0.01}),
-)
+SOURCE = "free fall: y = y0 - g t^2 / 2; no energy from nowhere"
+RESOLUTIONS = ({"dx": 0.02}, {"dx": 0.01})
+REFERENCE = Reference(SOURCE, "% of the way to the pool", error, observe, judge, chart, RESOLUTIONS)
 
 
 def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:

@@ -100,16 +100,9 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "major semi-axis [m]", curves)
 
 
-REFERENCE = Reference(
-    source="Monaghan 1994: the ordinary differential equation of an ellipse",
-    unit="%",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80}),
-    quick=2,
-)
+SOURCE = "Monaghan 1994: the ordinary differential equation of an ellipse"
+RESOLUTIONS = ({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80})
+REFERENCE = Reference(SOURCE, "%", error, observe, judge, chart, RESOLUTIONS, quick=2)
 
 REFINEMENT = Refinement(
     "elliptical_drop", "radius", (14, 20, 28, 40, 57, 80), 40,

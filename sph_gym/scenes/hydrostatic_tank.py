@@ -141,15 +141,9 @@ def chart(run: Run) -> Chart:
     return Chart("height above the floor [m]", "mean pressure [Pa]", curves)
 
 
-REFERENCE = Reference(
-    source="hydrostatics: p = rho0 g (H - y)",
-    unit="% of rho0 g H",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 0.025, "seconds": 20.0}, {"dx": 0.0125, "seconds": 20.0}),
-)
+SOURCE = "hydrostatics: p = rho0 g (H - y)"
+RESOLUTIONS = ({"dx": 0.025, "seconds": 20.0}, {"dx": 0.0125, "seconds": 20.0})
+REFERENCE = Reference(SOURCE, "% of rho0 g H", error, observe, judge, chart, RESOLUTIONS)
 
 REFINEMENT = Refinement(
     "hydrostatic_tank", "depth", (7, 10, 14, 20, 28), 14,

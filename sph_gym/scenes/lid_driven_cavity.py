@@ -117,16 +117,9 @@ def chart(run: Run) -> Chart:
     return Chart("y / L of u, x / L of v", "u / U, v / U", curves)
 
 
-REFERENCE = Reference(
-    source="Ghia, Ghia & Shin 1982, tables I and II, Re = 100",
-    unit="U",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 1 / 30}, {"dx": 1 / 60}),
-    quick=2,
-)
+SOURCE = "Ghia, Ghia & Shin 1982, tables I and II, Re = 100"
+RESOLUTIONS = ({"dx": 1 / 30}, {"dx": 1 / 60})
+REFERENCE = Reference(SOURCE, "U", error, observe, judge, chart, RESOLUTIONS, quick=2)
 
 REFINEMENT = Refinement(
     "lid_driven_cavity", "size", (12, 16, 20, 28, 40), 20,

@@ -134,15 +134,9 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "semi-axis along x [m]", [simulated, exact])
 
 
-REFERENCE = Reference(
-    source="Monaghan & Rafiee 2013: the ordinary differential equation of an ellipse",
-    unit="% of R",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80}),
-)
+SOURCE = "Monaghan & Rafiee 2013: the ordinary differential equation of an ellipse"
+RESOLUTIONS = ({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80})
+REFERENCE = Reference(SOURCE, "% of R", error, observe, judge, chart, RESOLUTIONS)
 
 REFINEMENT = Refinement(
     "oscillating_drop", "radius", (10, 14, 20, 28, 40), 20,

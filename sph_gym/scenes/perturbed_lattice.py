@@ -91,13 +91,6 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "energy / (rho c^2)", curves)
 
 
-REFERENCE = Reference(
-    source="conservation of energy and momentum",
-    unit="of rho c^2",
-    error=error,
-    observe=conserved,
-    judge=judge,
-    chart=chart,
-    resolutions=tuple({"kernel": kernel} for kernel in KERNELS if kernel in MATCHED),
-    quick=1,
-)
+SOURCE = "conservation of energy and momentum"
+RESOLUTIONS = tuple({"kernel": kernel} for kernel in KERNELS if kernel in MATCHED)
+REFERENCE = Reference(SOURCE, "of rho c^2", error, conserved, judge, chart, RESOLUTIONS)

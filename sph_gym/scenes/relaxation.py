@@ -83,15 +83,9 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "radius [m]", [simulated, start])
 
 
-REFERENCE = Reference(
-    source="a body at rest stays where it is",
-    unit="%",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 0.025}, {"dx": 0.0125}),
-)
+SOURCE = "a body at rest stays where it is"
+RESOLUTIONS = ({"dx": 0.025}, {"dx": 0.0125})
+REFERENCE = Reference(SOURCE, "%", error, observe, judge, chart, RESOLUTIONS)
 
 
 def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:

@@ -135,15 +135,9 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "pressure in the middle [Pa]", [simulated, exact])
 
 
-REFERENCE = Reference(
-    source="Le Touze et al. 2013: conserved energy and momentum, series of the first pressure",
-    unit="%",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80}),
-)
+SOURCE = "Le Touze et al. 2013: conserved energy and momentum, series of the first pressure"
+RESOLUTIONS = ({"dx": 1 / 20}, {"dx": 1 / 40}, {"dx": 1 / 80})
+REFERENCE = Reference(SOURCE, "%", error, observe, judge, chart, RESOLUTIONS)
 
 REFINEMENT = Refinement(
     "rotating_square", "side", (14, 20, 28, 40), 28,

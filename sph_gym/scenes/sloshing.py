@@ -129,18 +129,14 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "centre of mass, right of the middle [m]", curves)
 
 
+SOURCE = "linear potential theory of a rolling tank, as in Faltinsen 1978"
+RESOLUTIONS = (
+    {"dx": 0.0093, "degrees": 1.0, "period_ratio": 2.0, "periods": 3.0},
+    {"dx": 0.00465, "degrees": 1.0, "period_ratio": 2.0, "periods": 3.0},
+    {"dx": 0.0093},
+)
 REFERENCE = Reference(
-    source="linear potential theory of a rolling tank, as in Faltinsen 1978",
-    unit="% of the shift under the largest tilt",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=(
-        {"dx": 0.0093, "degrees": 1.0, "period_ratio": 2.0, "periods": 3.0},
-        {"dx": 0.00465, "degrees": 1.0, "period_ratio": 2.0, "periods": 3.0},
-        {"dx": 0.0093},
-    ),
+    SOURCE, "% of the shift under the largest tilt", error, observe, judge, chart, RESOLUTIONS
 )
 
 REFINEMENT = Refinement(

@@ -111,14 +111,10 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "elevation at the left wall [m]", [theory, simulated])
 
 
+SOURCE = "linear potential theory: omega^2 = g k tanh(k H) (Lamb 1932, article 228)"
+RESOLUTIONS = ({"dx": 0.025}, {"dx": 0.0125})
 REFERENCE = Reference(
-    source="linear potential theory: omega^2 = g k tanh(k H) (Lamb 1932, article 228)",
-    unit="% of the initial amplitude",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 0.025}, {"dx": 0.0125}),
+    SOURCE, "% of the initial amplitude", error, observe, judge, chart, RESOLUTIONS
 )
 
 REFINEMENT = Refinement(

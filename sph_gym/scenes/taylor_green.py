@@ -134,16 +134,9 @@ def chart(run: Run) -> Chart:
     return Chart("t [s]", "kinetic energy / at the start", curves)
 
 
-REFERENCE = Reference(
-    source="Taylor & Green 1937, exact; L1 as PySPH's example takes it",
-    unit="",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 1 / 25}, {"dx": 1 / 50}, {"dx": 1 / 100}),
-    quick=2,
-)
+SOURCE = "Taylor & Green 1937, exact; L1 as PySPH's example takes it"
+RESOLUTIONS = ({"dx": 1 / 25}, {"dx": 1 / 50}, {"dx": 1 / 100})
+REFERENCE = Reference(SOURCE, "", error, observe, judge, chart, RESOLUTIONS, quick=2)
 
 REFINEMENT = Refinement(
     "taylor_green", "size", (25, 35, 50, 71, 100), 50,

@@ -153,15 +153,10 @@ def chart(run: Run) -> Chart:
     return Chart("x / b", "p / (rho U^2 / 2)", [seen, exact])
 
 
+SOURCE = "ideal flow: stagnation pressure rho U^2 / 2, force rho U^2 b, films of b / 2"
+RESOLUTIONS = ({"dx": 0.002}, {"dx": 0.001}, {"dx": 0.0005})
 REFERENCE = Reference(
-    source="ideal flow: stagnation pressure rho U^2 / 2, force rho U^2 b, films of b / 2",
-    unit="% of rho U^2 / 2",
-    error=error,
-    observe=observe,
-    judge=judge,
-    chart=chart,
-    resolutions=({"dx": 0.002}, {"dx": 0.001}, {"dx": 0.0005}),
-    quick=2,
+    SOURCE, "% of rho U^2 / 2", error, observe, judge, chart, RESOLUTIONS, quick=2
 )
 
 REFINEMENT = Refinement(

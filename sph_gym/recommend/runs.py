@@ -2,16 +2,15 @@
 
 import math
 import time
-from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from sph_gym import scenes
 from sph_gym.controllers import Controller
 from sph_gym.recommend.settings import FIXED, RULES, Setting, build
-from sph_gym.scenes.shared.reference import Reference
+from sph_gym.scenes.shared.reference import Measure
 from sph_gym.scenes.shared.refinement import RMS, Refinement, share
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.state import Controls
@@ -29,16 +28,15 @@ Schedule = list[list[float]]
 class RunOutcome(NamedTuple):
     """One run.
 
-    error: a share, NaN after a blow-up; cause: of the blow-up; measures: quantity, value and unit
-    of everything that was judged; seconds: of physical time; particles: fluid and wall;
-    interactions: pairs (i, j) of all force evaluations; compression: mean over fluid and frames of
-    max(rho / rho0 - 1, 0); mach: the largest speed over the sound speed of its moment; both at the
-    ends of frames; wall, own: seconds by the clock and of processor time.
+    error: a share, NaN after a blow-up; cause: of the blow-up; seconds: of physical time;
+    particles: fluid and wall; interactions: pairs (i, j) of all force evaluations; compression:
+    mean over fluid and frames of max(rho / rho0 - 1, 0); mach: the largest speed over the sound
+    speed of its moment; both at the ends of frames; wall, own: seconds by the clock and of
+    processor time.
     """
 
     error: float
     cause: str
-    measures: list[list[Any]]
     seconds: float
     particles: int
     substeps: int
@@ -95,10 +93,10 @@ def execute(
         sim = Simulation(scene, setting.dtype, threads=1)
         compile_ahead(sim, _controller(setting.controller, schedule))
         meter = Meter(sim, _controller(setting.controller, schedule))
-        error, cause, measures = _judge(case, sim)
+        error, cause = _judge(case, sim)
     return RunOutcome(
-        error, cause, measures, scene.duration, sim.n_particles, meter.substeps,
-        meter.interactions, meter.compression, meter.mach, meter.wall, meter.own,
+        error, cause, scene.duration, sim.n_particles, meter.substeps, meter.interactions,
+        meter.compression, meter.mach, meter.wall, meter.own,
     )  # fmt: skip
 
 
@@ -128,37 +126,30 @@ def compile_ahead(sim: Simulation, controller: Controller | None = None) -> None
     sim.restore(start)
 
 
-def _judge(case: Refinement, sim: Simulation) -> tuple[float, str, list[list[Any]]]:
-    """Run to the end; return the error, the cause of a blow-up, and all measures."""
+def _judge(case: Refinement, sim: Simulation) -> tuple[float, str]:
+    """Run to the end; return the error, and the cause of a blow-up."""
     reference = scenes.reference(case.scene)
     assert reference is not None
-    if case.measure == RMS:
-        reference = _observe_errors(reference)
+    errors: list[float] = []
+
+    def look(share: float = 0.0) -> None:
+        if case.measure == RMS:
+            errors.append(reference.error(sim))
+
     try:
-        run = reference.run(sim)
-        measures: list[list[Any]] = [
-            [m.quantity, float(m.value), m.unit] for m in reference.judge(run)
-        ]
+        look()
+        measures = reference.judge(reference.run(sim, look))
     except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
-        return math.nan, str(error) or repr(error), []
+        return math.nan, str(error) or repr(error)
     if case.measure == RMS:
-        errors = run.series("frame_error")
-        measures = [*measures, [RMS, float(np.sqrt(np.nanmean(errors**2))), reference.unit]]
-    for quantity, value, unit in measures:
-        if quantity == case.measure:
-            return share(value, unit), "", measures
+        mean = float(np.sqrt(np.nanmean(np.square(errors))))
+        measures = [Measure(RMS, mean, reference.unit)]
+    for found in measures:
+        if found.quantity == case.measure:
+            return share(float(found.value), found.unit), ""
     raise ValueError(
         f"{case.scene}: expected arguments for which there is a reference, got {case.given()}"
     )
-
-
-def _observe_errors(reference: Reference) -> Reference:
-    """Return a reference that also observes the error of every frame."""
-
-    def observe(sim: Simulation) -> dict[str, Any]:
-        return {**reference.observe(sim), "frame_error": reference.error(sim)}
-
-    return replace(reference, observe=observe)
 
 
 @cache

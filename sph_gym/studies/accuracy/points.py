@@ -38,8 +38,8 @@ CLOCKS = ("wall", "own")
 FACTOR = 1.5
 # Outcome of an agent that doesn't get to the end of its own episode.
 LOST = RunOutcome(
-    math.nan, "its agent blew up", [], 1.0, 0, 0, 0.0, math.nan, math.nan, math.nan, math.nan
-)  # fmt: skip
+    math.nan, "its agent blew up", 1.0, 0, 0, 0.0, math.nan, math.nan, math.nan, math.nan
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Do the environments keep their promises, whatever an agent does?
+"""The promises of the environments, checked whatever an agent does.
 
 Every id, every kind of action, observation and answer to a blow-up is stepped by policies that are
 random, extreme, or out to break the solver. After every step a `ContractChecker` checks what the

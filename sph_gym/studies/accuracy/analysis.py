@@ -225,11 +225,9 @@ def _value(knob: str, own: Sequence[Point], runs: Sequence[Point], cost: str) ->
     }
     medians = {n: float(np.median(found)) if found else math.nan for n, found in ratios.items()}
     gain, bound = gain_of_series(own, runs, cost)
-    return ValueGain(
-        knob, value_of(runs[0], knob),
-        medians["error"], medians[cost], medians["interactions"],
-        gain, len(pairs), next((run.cause for run in runs if not run.good), ""), bound,
-    )  # fmt: skip
+    factors = medians["error"], medians[cost], medians["interactions"]
+    cause = next((run.cause for run in runs if not run.good), "")
+    return ValueGain(knob, value_of(runs[0], knob), *factors, gain, len(pairs), cause, bound)
 
 
 def best_value(

@@ -13,7 +13,7 @@ be there and yet need no steering; so XSPH is switched off as well, for the whol
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,6 +41,8 @@ XSPH_AXIS, XSPH_OFF = 2, -1.0
 GAIN, NONE = "headroom over the best static", "no headroom: both within tolerance nowhere"
 # Fields of a contest and their names in tables.
 PLAYERS = {"rule": "tuned CFL", "static": "best static", "oracle": "oracle"}
+# Further players, besides the oracles with a control frozen.
+ELSEWHERE, UNSMOOTHED = "oracle, looking elsewhere", "oracle, epsilon 0"
 COLUMNS = ("instance", "label", "player", *Score._fields, "within", "setting", "headroom")
 
 
@@ -65,18 +67,16 @@ QUICK = HeadroomPlan(("long_fall", "colliding_patches"), 1, 0, COARSE, StaticGri
 class Contest(NamedTuple):
     """One instance: the rule, the best static setting and its coordinates, and the oracle.
 
-    static, setting: None where no static setting keeps within tolerance. frozen: the oracle
-    without each of the controls; second: another oracle with all of them; unsmoothed: the oracle
-    with an epsilon of 0; all empty where that wasn't tried.
+    static, setting: None where no static setting keeps within tolerance. others: further searches
+    by the names of their players, `frozen` of each control, ELSEWHERE and UNSMOOTHED; empty where
+    they weren't tried.
     """
 
     rule: Score
     static: Score | None
     setting: Setting | None
     oracle: Score
-    frozen: tuple[Score, ...]
-    second: tuple[Score, ...] = ()
-    unsmoothed: tuple[Score, ...] = ()
+    others: Mapping[str, Score] = {}
 
     @property
     def headroom(self) -> float:
@@ -93,7 +93,7 @@ class Contest(NamedTuple):
     @property
     def best_reward(self) -> float:
         """The best known mean reward."""
-        searches = (self.oracle, *self.frozen, *self.second, *self.unsmoothed)
+        searches = (self.oracle, *self.others.values())
         return max(self.static_reward, *(score.reward for score in searches))
 
     def scores(self) -> Iterator[tuple[str, Score, Setting | str]]:
@@ -102,10 +102,12 @@ class Contest(NamedTuple):
         if self.static is not None:
             yield "best static", self.static, self.setting or ""
         yield "oracle", self.oracle, ""
-        for control, score in zip(CONTROLS, self.frozen, strict=False):
-            yield f"oracle without {control}", score, ""
-        yield from (("oracle, looking elsewhere", score, "") for score in self.second)
-        yield from (("oracle, epsilon 0", score, "") for score in self.unsmoothed)
+        yield from ((player, score, "") for player, score in self.others.items())
+
+
+def frozen(control: str) -> str:
+    """Return the name of the oracle that has a control frozen."""
+    return f"oracle without {control}"
 
 
 # --- Playing --------------------------------------------------------------------------------
@@ -146,14 +148,13 @@ def contest(plan: HeadroomPlan, scene: str, number: int, folder: Path) -> Contes
     best = store.get(["static", instance, plan.grid], find)
     setting, static = (None, None) if best is None else (tuple(best[0]), Score(*best[1]))
     oracle = score(Oracle(search), "oracle", search)
-    found = Contest(score(tuned_cfl, "rule"), static, setting, oracle, ())
+    found = Contest(score(tuned_cfl, "rule"), static, setting, oracle)
     if setting is None or number >= plan.ablated or scene in instances.DIAGNOSTIC:
         return found
-    return found._replace(
-        frozen=tuple(freeze(axis, value) for axis, value in enumerate(setting)),
-        second=(score(Oracle(plan.second), "oracle", plan.second),),
-        unsmoothed=(freeze(XSPH_AXIS, XSPH_OFF),),
-    )
+    others = {frozen(CONTROLS[axis]): freeze(axis, value) for axis, value in enumerate(setting)}
+    others[ELSEWHERE] = score(Oracle(plan.second), "oracle", plan.second)
+    others[UNSMOOTHED] = freeze(XSPH_AXIS, XSPH_OFF)
+    return found._replace(others=others)
 
 
 def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
@@ -223,7 +224,8 @@ def rows(scene: str, contests: list[Contest]) -> Iterator[Row]:
     yield from _headrooms(scene, contests, case, of_all)
     for name, loss in losses(contests).items():
         yield Row(f"reward lost without {name}", case, loss, "")
-    off = [one.best_reward - score.reward for one in contests for score in one.unsmoothed]
+    tried = [one for one in contests if UNSMOOTHED in one.others]
+    off = [one.best_reward - one.others[UNSMOOTHED].reward for one in tried]
     if off:
         yield Row("reward lost with an epsilon of 0", case, float(np.mean(off)), "")
 
@@ -273,11 +275,14 @@ def losses(contests: list[Contest]) -> dict[str, float]:
     control, and every search for the best. The loss of the second search by the same measure,
     with nothing frozen, is luck.
     """
-    lost: dict[str, list[float]] = {name: [] for name in (*CONTROLS, LUCK)}
-    for one in contests:
-        for name, score in zip(lost, (*one.frozen, *one.second), strict=False):
-            lost[name].append(one.best_reward - max(score.reward, one.static_reward))
-    return {name: float(np.mean(values)) for name, values in lost.items() if values}
+    players = {**{name: frozen(name) for name in CONTROLS}, LUCK: ELSEWHERE}
+    lost = {}
+    for name, player in players.items():
+        tried = [one for one in contests if player in one.others]
+        rewards = [max(one.others[player].reward, one.static_reward) for one in tried]
+        if tried:
+            lost[name] = float(np.mean([one.best_reward for one in tried] - np.array(rewards)))
+    return lost
 
 
 def needed(contests: list[Contest]) -> list[str]:

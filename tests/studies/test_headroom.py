@@ -18,15 +18,16 @@ def episode(substeps=100, reward=0.5, beyond=0.0):
     return Score(substeps, reward, 0.5, beyond, False)
 
 
-def contest(static=300, oracle=100, beyond=0.0, frozen=(), second=()):
+def contest(static=300, oracle=100, beyond=0.0, frozen=(), **others):
     best = episode(oracle, 0.8, beyond)
-    return headroom.Contest(episode(), episode(static), (0.0, 0.0, 0.0), best, frozen, second)
+    others = dict(zip(map(headroom.frozen, headroom.CONTROLS), frozen, strict=False)) | others
+    return headroom.Contest(episode(), episode(static), (0.0, 0.0, 0.0), best, others)
 
 
 def searched(*frozen, second):
     return contest(
         frozen=tuple(episode(reward=reward) for reward in frozen),
-        second=(episode(reward=second),),
+        **{headroom.ELSEWHERE: episode(reward=second)},
     )
 
 
@@ -62,7 +63,9 @@ def test_a_control_is_needed_where_more_is_lost_than_by_luck():
 
 
 def test_a_control_can_be_wanted_without_being_steered():
-    found = [searched(0.7, 0.7, 0.8, second=0.8)._replace(unsmoothed=(episode(reward=0.5),))]
+    one = searched(0.7, 0.7, 0.8, second=0.8)
+    off = {headroom.UNSMOOTHED: episode(reward=0.5)}
+    found = [one._replace(others=one.others | off)]
     assert "xsph" not in headroom.needed(found)
     row = table("dam_break", found)["reward lost with an epsilon of 0"]
     assert row.value == pytest.approx(0.3)

@@ -11,8 +11,9 @@ To add an effect: a section here, its field in `Effects` at the end of this file
 forces.py, and its twin in tests/naive.py. See docs/architecture.md.
 """
 
+import warnings
 from collections import namedtuple
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,8 +21,8 @@ from numpy.typing import NDArray
 
 from sph_gym.solver.checks import finite_array, known
 from sph_gym.solver.gravity import AnyGravity, Gravity
-from sph_gym.solver.jit import dispatch, jitable
-from sph_gym.solver.kernels import primitive_scale, weight
+from sph_gym.solver.jit import jitable
+from sph_gym.solver.kernels import friction, friction_scale, primitive_scale, weight
 from sph_gym.solver.lanes import like, maximum, minimum, rsqrt
 from sph_gym.solver.registry import EFFECTS, Given, effect
 from sph_gym.solver.surface import (
@@ -32,6 +33,7 @@ from sph_gym.solver.surface import (
     inverse_weight,
 )
 
+# What `viscosity_form` may be; both mean the one laminar viscosity.
 VISCOSITY_FORMS = ("laplacian", "morris")
 
 # --- Pressure -------------------------------------------------------------------------------
@@ -151,55 +153,32 @@ def add_quadratic_viscosity(effect, pair, stress):
 # --- Laminar viscosity ----------------------------------------------------------------------
 
 
-class LaplacianViscosity(NamedTuple):
-    """strength: 2 nu viscosity_scale / gradient_scale, nu [m^2/s] the kinematic viscosity."""
+class LaminarViscosity(NamedTuple):
+    """strength: 2 nu K rho0 / (m gradient_scale), K see `kernels.friction_scale`; h [m]."""
 
     strength: float
-
-
-class MorrisViscosity(NamedTuple):
-    """strength: 4 nu [m^2/s]."""
-
-    strength: float
+    h: float
 
 
 @effect(typical=lambda scene: 1e-3 * scene.h * scene.fluid.c0, at_walls="no-slip")
 def laminar_viscosity(nu, given):
-    """Kinematic viscosity nu [m^2/s]; its form is `viscosity_form`, "laplacian" or "morris".
+    """Kinematic viscosity nu [m^2/s], calibrated on the lattice: the same with every kernel.
 
-    Source: Mueller, Charypar, Gross 2003, eq. 14; Morris, Fox, Zhu 1997, eq. 22.
+    Source: Morris, Fox, Zhu 1997, eq. 22.
     """
-    if given.effects.viscosity_form == "morris":
-        return MorrisViscosity(4 * nu)
-    kernel = given.kernel
-    return LaplacianViscosity(2 * nu * kernel.viscosity_scale / kernel.gradient_scale)
-
-
-@dispatch
-def friction(effect: Any, pair: Any) -> Any:
-    """Factor of v_j - v_i in the viscous acceleration."""
-
-
-@friction.member(LaplacianViscosity)
-def _laplacian_friction(effect, pair):
-    return effect.strength * (pair.viscosity * pair.inv_rho)
-
-
-@friction.member(MorrisViscosity)
-def _morris_friction(effect, pair):
-    return effect.strength * (pair.gradient * (pair.r2 * pair.inv_rho_r2))
+    scale = friction_scale(given.h, given.dx) * given.rho0 / given.mass
+    return LaminarViscosity(2 * nu * scale / given.kernel.gradient_scale, given.h)
 
 
 @jitable
 def add_laminar_viscosity(effect, pair, ax, ay):
-    """nu sum m (v_j - v_i) / rho_mean w_ij; for the step see `kernels.viscous_share`.
+    """nu sum K rho0 / rho_mean (h - r)^3 (v_j - v_i); for the step see `kernels.viscous_share`.
 
-    w is the Laplacian weight of the kernel, or Morris' 2 r . grad W / (r^2 + eta^2), both with
-    the mean density, which conserves momentum.
+    The mean density conserves momentum.
     """
     if effect is None:
         return ax, ay
-    drag = friction(effect, pair)
+    drag = effect.strength * (friction(effect.h, pair.r) * pair.inv_rho)
     return ax - drag * pair.slip_u, ay - drag * pair.slip_v
 
 
@@ -443,10 +422,11 @@ class Effects:
     """The effects that act on the fluid besides pressure; one that is left out costs nothing.
 
     gravity: (gx, gy) [m/s^2], or one of the kinds in gravity.py. All others: see the decorated
-    function of the same name in effects.py, or docs/architecture.md.
+    function of the same name in effects.py, or docs/architecture.md. viscosity_form: deprecated,
+    without a meaning since there is one laminar viscosity.
 
     Raises ValueError for values that aren't finite, for negative ones, for a density diffusion
-    without continuity, and for a form of laminar viscosity where there is none.
+    without continuity, and for an unknown form of viscosity.
     """
 
     gravity: AnyGravity | tuple[float, float] | None = None
@@ -455,23 +435,25 @@ class Effects:
     laminar_viscosity: float | None = None
     surface_tension: float | None = None
     quadratic_viscosity: float | None = None
-    viscosity_form: str = "laplacian"
+    viscosity_form: InitVar[str | None] = None
     tensile_correction: float | None = None
     continuity: bool = False
     density_diffusion: float | None = None
     shifting: float | None = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, viscosity_form: str | None) -> None:
         if self.gravity is not None and not isinstance(self.gravity, AnyGravity):
             vector = finite_array("effects.gravity", self.gravity, (2,))
             object.__setattr__(self, "gravity", Gravity(float(vector[0]), float(vector[1])))
         for each in EFFECTS:
             each.check(self)
-        known("effects.viscosity_form", self.viscosity_form, VISCOSITY_FORMS)
-        if self.viscosity_form != VISCOSITY_FORMS[0] and self.laminar_viscosity is None:
-            raise ValueError(
-                "effects.viscosity_form: expected effects.laminar_viscosity with it, got "
-                f"{self.viscosity_form!r} alone"
+        if viscosity_form is not None:
+            known("effects.viscosity_form", viscosity_form, VISCOSITY_FORMS)
+            warnings.warn(
+                "effects.viscosity_form has no meaning any more: both forms are the one calibrated "
+                "laminar viscosity; leave it out",
+                DeprecationWarning,
+                stacklevel=3,
             )
 
     @property

@@ -23,7 +23,7 @@ from sph_gym.solver.effects import (
 )
 from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import jitable
-from sph_gym.solver.kernels import gradient, viscosity, weight
+from sph_gym.solver.kernels import gradient, weight
 from sph_gym.solver.lanes import broadcast, like, load, reciprocal, rsqrt, select
 from sph_gym.solver.neighbors import fluid_range, neighbor, wall_range
 from sph_gym.solver.periodic import nearest_image
@@ -35,8 +35,7 @@ class Pair(NamedTuple):
     dx, dy: x_i - x_j [m]; r2: its square, r: its length; du, dv: v_i - v_j [m/s]; slip_u, slip_v:
     the same as viscosity sees it, which at a wall may be a mirrored velocity; stress_i, stress_j:
     p / rho^2; density_gap: rho_j - rho_i; density_sum: rho_i + rho_j; inv_rho: 1 / (rho_i +
-    rho_j); inv_rho_r2: the same divided by r^2 + eta^2; weight, gradient, viscosity: kernel
-    shapes.
+    rho_j); inv_rho_r2: the same divided by r^2 + eta^2; weight, gradient: kernel shapes.
     """
 
     dx: Any
@@ -55,7 +54,6 @@ class Pair(NamedTuple):
     inv_rho_r2: Any
     weight: Any
     gradient: Any
-    viscosity: Any
 
 
 class Sums(NamedTuple):
@@ -160,7 +158,6 @@ def add_pair(target, sources, j, kernel, constants, effects, sums):
         inv_rho_r2,
         select(near, weight(kernel, r2, r), zero),
         select(near, gradient(kernel, r2, r, inv_r), zero),
-        select(near, viscosity(kernel, r2, r), zero),
     )
     stress = add_tensile_correction(effects.tensile_correction, pair, target.stress + stress_j)
     stress = add_artificial_viscosity(effects.artificial_viscosity, pair, stress)

@@ -416,7 +416,7 @@ class Naive:
         a += gravity(effects.gravity, time, x, v)
         return Rates(
             a,
-            self.smoothing(v, r, mean_rho) + self.shift(grad, mean_rho),
+            self.smoothing(v, r, mean_rho) + self.shift(grad, r, mean_rho),
             self.growth(rho, offset, r, slope, mean_rho),
         )
 
@@ -440,15 +440,37 @@ class Naive:
         differences = v[None, :] - v[:, None]
         return self.eps * self.mass * (share[..., None] * differences).sum(axis=1)
 
-    def shift(self, grad, mean_rho):
-        """(n_fluid, 2) [m/s]: - A h U grad C, with U = 0.1 c0, but not faster than half of U."""
-        strength, speed = self.scene.effects.shifting, 0.1 * self.scene.fluid.c0
+    def shift(self, grad, r, mean_rho):
+        """(n_fluid, 2) [m/s]: - A h U grad C, with U = 0.1 c0, but not faster than half of U.
+
+        Less its part along the gradient of the openness, and none where that is 1.
+        """
+        n, strength = len(grad), self.scene.effects.shifting
+        speed = 0.1 * self.scene.fluid.c0
         if strength is None:
-            return np.zeros((len(grad), 2))
-        concentration = (self.mass / mean_rho[..., None] * grad).sum(axis=1)
-        shift = -strength * self.h * speed * concentration
+            return np.zeros((n, 2))
+        opening = self.openness(r)
+        volume = self.mass / mean_rho[..., None]
+        differences = opening[None, :, None] - opening[:n, None, None]
+        normal = self.h * (volume * differences * grad).sum(axis=1)
+        across = normal / (np.hypot(*normal.T) ** 2 + 0.003**2)[:, None]
+        shift = -strength * self.h * speed * (volume * grad).sum(axis=1)
+        shift = shift - (shift * normal).sum(axis=1)[:, None] * across
+        shift = shift * (1 - opening[:n, None])
         size = np.hypot(*shift.T)[:, None]
         return shift * np.minimum(1.0, 0.5 * speed / np.maximum(size, 1e-300))
+
+    def openness(self, r):
+        """(n,) 1 from the density of a free surface on, 0 inside and for walls."""
+        n, dx = len(r), self.scene.dx
+        reach = np.arange(-np.ceil(self.h / dx), np.ceil(self.h / dx) + 1) * dx
+        x, y = np.meshgrid(reach, reach)
+        # of the first and the second row below a surface
+        first, second = (self.shape(np.hypot(x, y)[y < k * dx]).sum() for k in (0.5, 1.5))
+        room = max(0.5 * (second - first), 1e-3 * self.scene.fluid.rho0 / self.mass)
+        opening = np.zeros(r.shape[1])
+        opening[:n] = np.clip((first + room - self.shape(r).sum(axis=1)) / room, 0.0, 1.0)
+        return opening
 
     def growth(self, rho, offset, r, slope, mean_rho):
         """(n_fluid,) [kg/(m^3 s)]: the diffusion of the density."""
@@ -470,11 +492,13 @@ class Naive:
 
         Its time derivative is the continuity equation's sum m v_ij . grad W.
         """
-        r = self.offsets(x, time)[1][: len(x)]
-        if self.kernel is KERNELS["mueller"]:
-            # the integral of the spiky slope
-            return self.mass * (-self.kernel.slope(r, self.h) * (self.h - r) / 3).sum(axis=1)
-        return self.mass * self.kernel.density(r, self.h).sum(axis=1)
+        return self.mass * self.shape(self.offsets(x, time)[1][: len(x)]).sum(axis=1)
+
+    def shape(self, r):
+        """W(r) [1/m^2], or by continuity the integral of the slope, which may be another."""
+        if self.scene.effects.continuity and self.kernel is KERNELS["mueller"]:
+            return -self.kernel.slope(r, self.h) * (self.h - r) / 3
+        return self.kernel.density(r, self.h)
 
     def grown(self, rho, x, time, new_x, new_time, diffused):
         """Densities by continuity at new positions: what the sum has gained, and diffusion."""

@@ -310,6 +310,20 @@ def calibrated_mass(kernel: Any, rho0: float, dx: float) -> float:
     return float(rho0 / density_kernel(kernel, np.hypot(x, y)).sum())
 
 
+def surface_densities(
+    kernel: Any, mass: float, dx: float, shape: Callable[..., Any]
+) -> tuple[float, float]:
+    """Return the densities [kg/m^3] of the first and the second row below a free surface, at rest.
+
+    shape: the one that densities are sums of, `weight` or `primitive`.
+    """
+    r = np.hypot(*rest_lattice(kernel.h, dx))
+    scale = kernel.weight_scale if shape is weight else primitive_scale(kernel)
+    rows = mass * scale * np.where(r < kernel.h, shape(kernel, r * r, r), 0.0).sum(axis=1)
+    own = len(rows) // 2
+    return float(rows[own:].sum()), float(rows[own - 1 :].sum())
+
+
 def rest_lattice(h: float, dx: float) -> Any:
     """Return the offsets x, y [m], 2D arrays, of all within h on the square lattice, and beyond."""
     reach = np.arange(-math.ceil(h / dx), math.ceil(h / dx) + 1) * dx

@@ -342,7 +342,6 @@ def test_nothing_shifts_across_a_free_surface(kernel, continuity):
     moved = shifts(replace(still, x=x + 0.1 * DX * rng.uniform(-1.0, 1.0, x.shape) * (1.0, 0.0)))
     along, across = np.abs(moved).T
     assert along[below].max() > 0.2
-    assert along[edge].max() < 0.1
     assert across[edge | below].max() < 0.03
 
 

@@ -467,7 +467,7 @@ class Naive:
         x, y = np.meshgrid(reach, reach)
         # of the first and the second row below a surface
         first, second = (self.shape(np.hypot(x, y)[y < k * dx]).sum() for k in (0.5, 1.5))
-        room = max(0.5 * (second - first), 1e-3 * self.scene.fluid.rho0 / self.mass)
+        room = max(0.7 * (second - first), 1e-3 * self.scene.fluid.rho0 / self.mass)
         opening = np.zeros(r.shape[1])
         opening[:n] = np.clip((first + room - self.shape(r).sum(axis=1)) / room, 0.0, 1.0)
         return opening

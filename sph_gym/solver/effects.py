@@ -288,7 +288,7 @@ def add_smoothing(effect, sums, tx, ty):
 # Mach number that c0 is meant for, and the share of that speed that bounds the shifts.
 MACH, TOP_SHIFT = 0.1, 0.5
 # Share of the densities of the first two rows below a free surface up to which a particle is open.
-OPEN = 0.5
+OPEN = 0.7
 # Share of 1 / h: a smaller gradient of the openness is no surface.
 FAINT = 0.003
 

@@ -292,9 +292,10 @@ def test_central_forces_exert_no_torque(name):
 
 
 def endless(n=12, h_over_dx=2.6, **changes):
-    """The cloud, without a surface: periodic."""
-    ends = (0.0, n * DX)
-    x = cloud(h_over_dx, n).x if "x" not in changes else changes.pop("x")
+    """A periodic cloud, with less jitter, so that nowhere it is as thin as at a surface."""
+    ends, rng = (0.0, n * DX), np.random.default_rng(1)
+    x = lattice(*ends, *ends, DX)
+    x = changes.pop("x", x + 0.1 * DX * rng.uniform(-1.0, 1.0, x.shape))
     walls = Walls(period_x=ends, period_y=ends)
     return cloud(h_over_dx, n, x=np.mod(x, n * DX), walls=walls, **changes)
 
@@ -342,7 +343,7 @@ def test_nothing_shifts_across_a_free_surface(kernel, continuity):
     moved = shifts(replace(still, x=x + 0.1 * DX * rng.uniform(-1.0, 1.0, x.shape) * (1.0, 0.0)))
     along, across = np.abs(moved).T
     assert along[below].max() > 0.2
-    assert across[edge | below].max() < 0.03
+    assert across[edge | below].max() < 0.05
 
 
 def test_particles_shift_to_where_there_are_fewer():

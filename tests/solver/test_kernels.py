@@ -246,7 +246,7 @@ def test_no_literal_widens_single_precision():
     one = np.float32(0.25)
     in_numbers(*(ALL_KERNELS[name](H, np.float32) for name in names), one, one, one)
     kinds = [signature.return_type for signature in in_numbers.nopython_signatures]
-    assert kinds == [numba.types.UniTuple(numba.float32, 8)]
+    assert kinds == [numba.types.UniTuple(numba.float32, 7)]
 
 
 # --- Lattices -------------------------------------------------------------------------------

@@ -76,7 +76,6 @@ PAIRS = Effects(
     laminar_viscosity=0.02,
     surface_tension=0.5,
     quadratic_viscosity=0.7,
-    viscosity_form="morris",
     tensile_correction=0.2,
     shifting=2.0,
 )

@@ -23,11 +23,6 @@ def spiky_slope(r, h):
     return np.where(r < h, -30 / (np.pi * h**5) * (h - r) ** 2, 0.0)
 
 
-def mueller_laplacian(r, h):
-    """Laplacian [1/m^4] of Mueller's viscosity kernel."""
-    return np.where(r < h, 40 / (np.pi * h**5) * (h - r), 0.0)
-
-
 def wendland(r, h):
     """W(r) [1/m^2] of Wendland's C2 kernel: 7 / (pi h^2) (1 - q)^4 (1 + 4 q)."""
     q = r / h
@@ -38,12 +33,6 @@ def wendland_slope(r, h):
     """dW/dr [1/m^3]: (1 - q)^4 (1 + 4 q) has the derivative -20 q (1 - q)^3."""
     q = r / h
     return np.where(q < 1, -140 / (np.pi * h**3) * q * (1 - q) ** 3, 0.0)
-
-
-def wendland_laplacian(r, h):
-    """Morris 1997: -2 (dW/dr) / r, with its limit at r = 0."""
-    q = r / h
-    return np.where(q < 1, 280 / (np.pi * h**4) * (1 - q) ** 3, 0.0)
 
 
 def spiky(r, h):
@@ -67,14 +56,6 @@ def cubic_slope(r, h):
     return 10 / (7 * np.pi * s**3) * np.select([q < 1, q < 2], parts)
 
 
-def cubic_laplacian(r, h):
-    """Morris 1997: -2 (dW/dr) / r, with its limit at r = 0."""
-    s = h / 2
-    q = r / s
-    parts = [3 - 9 / 4 * q, 3 / 4 * (2 - q) ** 2 / np.maximum(q, 1)]
-    return 20 / (7 * np.pi * s**4) * np.select([q < 1, q < 2], parts)
-
-
 def quintic_spline(r, h):
     """W(r) [1/m^2] of the M6 spline, Morris 1997; its smoothing length s is a third of h."""
     s = h / 3
@@ -95,13 +76,6 @@ def quintic_slope(r, h):
     return -35 / (478 * np.pi * s**3) * np.select([q < 1, q < 2, q < 3], [inner, middle, outer])
 
 
-def quintic_laplacian(r, h):
-    """Morris 1997: -2 (dW/dr) / r, near r = 0 from the bracket 66 - 60 q^2 + 30 q^4 - 10 q^5."""
-    s = h / 3
-    near = 7 / (478 * np.pi * s**4) * (240 - 240 * (r / s) ** 2 + 100 * (r / s) ** 3)
-    return np.where(r < s / 10, near, -2 * quintic_slope(r, h) / np.maximum(r, s / 10))
-
-
 def mueller_in_3d(r, h):
     """W(r) [1/m^3] with Mueller's own constant."""
     return np.where(r < h, 315 / (64 * np.pi * h**9) * (h**2 - r**2) ** 3, 0.0)
@@ -110,11 +84,6 @@ def mueller_in_3d(r, h):
 def mueller_slope_in_3d(r, h):
     """dW/dr [1/m^4] with Mueller's own constant."""
     return np.where(r < h, -45 / (np.pi * h**6) * (h - r) ** 2, 0.0)
-
-
-def mueller_laplacian_in_3d(r, h):
-    """Laplacian [1/m^5] with Mueller's own constant."""
-    return np.where(r < h, 45 / (np.pi * h**6) * (h - r), 0.0)
 
 
 def third_of_spiky_slope(r, h):
@@ -127,21 +96,33 @@ def poly6_slope(r, h):
     return np.where(r < h, -24 / (np.pi * h**8) * r * (h**2 - r**2) ** 2, 0.0)
 
 
+def friction(r, h):
+    """(h - r)^3 [m^3], the weight of laminar viscosity."""
+    return np.where(r < h, (h - r) ** 3, 0.0)
+
+
+def friction_scale(h, dx):
+    """K [1/m^5]: on the rest lattice, sum K friction y^2 is the Laplacian 2 of y^2."""
+    reach = np.arange(-np.ceil(h / dx), np.ceil(h / dx) + 1) * dx
+    moment = sum(friction(np.hypot(x, y), h) * y**2 for x in reach for y in reach)
+    most = 2.0 * dx**2 * 280 / (np.pi * h**7)
+    return min(2 / moment, most) if moment > 0 else most
+
+
 class Kernel(NamedTuple):
     density: object
     slope: object
-    laplacian: object
 
 
 KERNELS = {
-    "mueller": Kernel(poly6, spiky_slope, mueller_laplacian),
-    "wendland_c2": Kernel(wendland, wendland_slope, wendland_laplacian),
-    "spiky": Kernel(spiky, spiky_slope, mueller_laplacian),
-    "cubic_spline": Kernel(cubic_spline, cubic_slope, cubic_laplacian),
-    "quintic_spline": Kernel(quintic_spline, quintic_slope, quintic_laplacian),
-    "wrong_3d_constants": Kernel(mueller_in_3d, mueller_slope_in_3d, mueller_laplacian_in_3d),
-    "wrong_spiky_gradient": Kernel(poly6, third_of_spiky_slope, mueller_laplacian),
-    "wrong_poly6_gradient": Kernel(poly6, poly6_slope, mueller_laplacian),
+    "mueller": Kernel(poly6, spiky_slope),
+    "wendland_c2": Kernel(wendland, wendland_slope),
+    "spiky": Kernel(spiky, spiky_slope),
+    "cubic_spline": Kernel(cubic_spline, cubic_slope),
+    "quintic_spline": Kernel(quintic_spline, quintic_slope),
+    "wrong_3d_constants": Kernel(mueller_in_3d, mueller_slope_in_3d),
+    "wrong_spiky_gradient": Kernel(poly6, third_of_spiky_slope),
+    "wrong_poly6_gradient": Kernel(poly6, poly6_slope),
 }
 
 
@@ -383,6 +364,7 @@ class Naive:
                 p[w] = max(p[w], 0.0)
             summed[w] = self.density_at(p[w])
             if self.scene.walls.slip == "no-slip":
+                weights = friction(r[w, :n], self.h)
                 mean = (v * weights[:, None]).sum(axis=0) / weights.sum()
                 seen[w] = 2 * wall_v[k] - mean
         return summed, p, seen
@@ -422,11 +404,8 @@ class Naive:
         a = -m * (stress[..., None] * grad).sum(axis=1)
 
         if effects.laminar_viscosity is not None:
-            if effects.viscosity_form == "morris":
-                drag = -2 * (offset * grad).sum(axis=-1) / (r**2 + 0.01 * h**2) / mean_rho
-            else:
-                drag = self.kernel.laplacian(r, h) / mean_rho
-            drag = effects.laminar_viscosity * m * rubs * drag
+            drag = effects.laminar_viscosity * friction_scale(h, self.scene.dx) * friction(r, h)
+            drag = drag * self.scene.fluid.rho0 / mean_rho * rubs
             a -= (drag[..., None] * relative_seen).sum(axis=1)
         if effects.surface_tension is not None:
             dx, volume = self.scene.dx, m / self.scene.fluid.rho0
@@ -437,7 +416,7 @@ class Naive:
         a += gravity(effects.gravity, time, x, v)
         return Rates(
             a,
-            self.smoothing(v, r, mean_rho) + self.shift(grad, mean_rho),
+            self.smoothing(v, r, mean_rho) + self.shift(grad, r, mean_rho),
             self.growth(rho, offset, r, slope, mean_rho),
         )
 
@@ -461,15 +440,37 @@ class Naive:
         differences = v[None, :] - v[:, None]
         return self.eps * self.mass * (share[..., None] * differences).sum(axis=1)
 
-    def shift(self, grad, mean_rho):
-        """(n_fluid, 2) [m/s]: - A h U grad C, with U = 0.1 c0, but not faster than half of U."""
-        strength, speed = self.scene.effects.shifting, 0.1 * self.scene.fluid.c0
+    def shift(self, grad, r, mean_rho):
+        """(n_fluid, 2) [m/s]: - A h U grad C, with U = 0.1 c0, but not faster than half of U.
+
+        Less its part along the gradient of the openness, and none where that is 1.
+        """
+        n, strength = len(grad), self.scene.effects.shifting
+        speed = 0.1 * self.scene.fluid.c0
         if strength is None:
-            return np.zeros((len(grad), 2))
-        concentration = (self.mass / mean_rho[..., None] * grad).sum(axis=1)
-        shift = -strength * self.h * speed * concentration
+            return np.zeros((n, 2))
+        opening = self.openness(r)
+        volume = self.mass / mean_rho[..., None]
+        differences = opening[None, :, None] - opening[:n, None, None]
+        normal = self.h * (volume * differences * grad).sum(axis=1)
+        across = normal / (np.hypot(*normal.T) ** 2 + 0.003**2)[:, None]
+        shift = -strength * self.h * speed * (volume * grad).sum(axis=1)
+        shift = shift - (shift * normal).sum(axis=1)[:, None] * across
+        shift = shift * (1 - opening[:n, None])
         size = np.hypot(*shift.T)[:, None]
         return shift * np.minimum(1.0, 0.5 * speed / np.maximum(size, 1e-300))
+
+    def openness(self, r):
+        """(n,) 1 from the density of a free surface on, 0 inside and for walls."""
+        n, dx = len(r), self.scene.dx
+        reach = np.arange(-np.ceil(self.h / dx), np.ceil(self.h / dx) + 1) * dx
+        x, y = np.meshgrid(reach, reach)
+        # of the first and the second row below a surface
+        first, second = (self.shape(np.hypot(x, y)[y < k * dx]).sum() for k in (0.5, 1.5))
+        room = max(0.7 * (second - first), 1e-3 * self.scene.fluid.rho0 / self.mass)
+        opening = np.zeros(r.shape[1])
+        opening[:n] = np.clip((first + room - self.shape(r).sum(axis=1)) / room, 0.0, 1.0)
+        return opening
 
     def growth(self, rho, offset, r, slope, mean_rho):
         """(n_fluid,) [kg/(m^3 s)]: the diffusion of the density."""
@@ -491,11 +492,13 @@ class Naive:
 
         Its time derivative is the continuity equation's sum m v_ij . grad W.
         """
-        r = self.offsets(x, time)[1][: len(x)]
-        if self.kernel is KERNELS["mueller"]:
-            # the integral of the spiky slope
-            return self.mass * (-self.kernel.slope(r, self.h) * (self.h - r) / 3).sum(axis=1)
-        return self.mass * self.kernel.density(r, self.h).sum(axis=1)
+        return self.mass * self.shape(self.offsets(x, time)[1][: len(x)]).sum(axis=1)
+
+    def shape(self, r):
+        """W(r) [1/m^2], or by continuity the integral of the slope, which may be another."""
+        if self.scene.effects.continuity and self.kernel is KERNELS["mueller"]:
+            return -self.kernel.slope(r, self.h) * (self.h - r) / 3
+        return self.kernel.density(r, self.h)
 
     def grown(self, rho, x, time, new_x, new_time, diffused):
         """Densities by continuity at new positions: what the sum has gained, and diffusion."""

@@ -98,7 +98,6 @@ PARTS = {
         "laminar_viscosity": anything,
         "surface_tension": anything,
         "quadratic_viscosity": anything,
-        "viscosity_form": words,
         "tensile_correction": anything,
         "continuity": junk,
         "density_diffusion": anything,
@@ -279,7 +278,6 @@ def any_effects(draw):
                  "quadratic_viscosity", "tensile_correction", "density_diffusion")  # fmt: skip
     parts = {name: draw(maybe) for name in strengths}
     parts["continuity"], parts["xsph"] = draw(st.booleans()), draw(st.booleans())
-    parts["viscosity_form"] = draw(st.sampled_from(["mueller", "morris"]))
     parts["gravity"] = draw(st.sampled_from([
         None, (1.0, -9.81), Gravity(0.0, -9.81, ramp=0.1), CentralGravity(3.0),
         ShakenGravity(0.0, -9.81, (2.0, 0.0), 3.0), RollingTank(9.81, 0.2, 2.0),

@@ -11,7 +11,7 @@ from sph_gym.solver.density import COINCIDENT, add_weights, store_density
 from sph_gym.solver.equation_of_state import density_at
 from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import dispatch, jit, jitable
-from sph_gym.solver.kernels import weight
+from sph_gym.solver.kernels import friction, weight
 from sph_gym.solver.lanes import (
     broadcast,
     like,
@@ -81,16 +81,17 @@ class Extrapolation(NamedTuple):
 
 
 class Ghosts(NamedTuple):
-    """Sums that a boundary particle gathers from the fluid around it, weighted with W.
+    """Sums that a boundary particle gathers from the fluid around it.
 
-    weight: of W shapes; p: of p; rx, ry: of rho times the offset from the fluid; u, v: of the
-    velocity.
+    weight: of W shapes; p: of p, rx, ry: of rho times the offset from the fluid, weighted with
+    them; friction: of the weights of laminar viscosity; u, v: of the velocity, weighted with those.
     """
 
     weight: Any
     p: Any
     rx: Any
     ry: Any
+    friction: Any
     u: Any
     v: Any
 
@@ -185,7 +186,7 @@ def _extrapolated(task, i, n, begin, end, cells, model, time):
     walls, eos = cells.walls, model.eos
     x, y, u, v = load(walls.x, i), load(walls.y, i), load(walls.u, i), load(walls.v, i)
     zero = like(x, 0.0)
-    ghosts = Ghosts(zero, zero, zero, zero, zero, zero)
+    ghosts = Ghosts(zero, zero, zero, zero, zero, zero, zero)
     ghosts = gather(cells.fluid, cells.lists, begin, end, model, x, y, ghosts)
     gx, gy = add_gravity(model.gravity, time, x, y, u, v, zero, zero)
     gx, gy = minus_own(walls.ax, i, gx), minus_own(walls.ay, i, gy)
@@ -196,8 +197,9 @@ def _extrapolated(task, i, n, begin, end, cells, model, time):
     rho = density_at(eos, p)
     store(walls.rho, i, rho, n)
     store(walls.stress, i, p * reciprocal(rho * rho), n)
-    mirror(walls.ghost_u, walls.u, i, n, inv_weight, ghosts.u)
-    mirror(walls.ghost_v, walls.v, i, n, inv_weight, ghosts.v)
+    inv_friction = select(wet, reciprocal(select(wet, ghosts.friction, like(x, 1.0))), zero)
+    mirror(walls.ghost_u, walls.u, i, n, inv_friction, ghosts.u)
+    mirror(walls.ghost_v, walls.v, i, n, inv_friction, ghosts.v)
 
 
 @jitable
@@ -213,14 +215,15 @@ def gather(fluid, lists, first, last, model, x, y, ghosts):
         near = r2 < kernel.h2
         w = select(near, weight(kernel, r2, r), like(r2, 0.0))
         rho = broadcast(fluid.rho, j)
-        mass = w * rho
+        mass, rub = w * rho, friction(kernel.h, r)
         ghosts = Ghosts(
             ghosts.weight + w,
             ghosts.p + mass * (rho * broadcast(fluid.stress, j)),
             ghosts.rx + mass * dx,
             ghosts.ry + mass * dy,
-            ghosts.u + w * broadcast(fluid.u, j),
-            ghosts.v + w * broadcast(fluid.v, j),
+            ghosts.friction + rub,
+            ghosts.u + rub * broadcast(fluid.u, j),
+            ghosts.v + rub * broadcast(fluid.v, j),
         )
     return ghosts
 
@@ -234,12 +237,15 @@ def minus_own(own, i, a):
 
 
 @jitable
-def mirror(ghost, own, i, n, inv_weight, total):
-    """Store the velocity that makes the fluid's mean that of the wall, at a wall without slip."""
+def mirror(ghost, own, i, n, inv_friction, total):
+    """Store the velocity that makes the fluid's mean that of the wall, at a wall without slip.
+
+    The mean has the weights of laminar viscosity: with others, the wall seems to be elsewhere.
+    """
     if ghost is None:
         return
     wall = load(own, i)
-    seen = select(inv_weight > like(wall, 0.0), wall + wall - total * inv_weight, wall)
+    seen = select(inv_friction > like(wall, 0.0), wall + wall - total * inv_friction, wall)
     store(ghost, i, seen, n)
 
 

@@ -11,8 +11,9 @@ To add an effect: a section here, its field in `Effects` at the end of this file
 forces.py, and its twin in tests/naive.py. See docs/architecture.md.
 """
 
+import warnings
 from collections import namedtuple
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,9 +21,16 @@ from numpy.typing import NDArray
 
 from sph_gym.solver.checks import finite_array, known
 from sph_gym.solver.gravity import AnyGravity, Gravity
-from sph_gym.solver.jit import dispatch, jitable
-from sph_gym.solver.kernels import primitive_scale, weight
-from sph_gym.solver.lanes import like, maximum, minimum, rsqrt
+from sph_gym.solver.jit import jitable
+from sph_gym.solver.kernels import (
+    friction,
+    friction_scale,
+    primitive,
+    primitive_scale,
+    surface_densities,
+    weight,
+)
+from sph_gym.solver.lanes import like, maximum, minimum, reciprocal, rsqrt
 from sph_gym.solver.registry import EFFECTS, Given, effect
 from sph_gym.solver.surface import (
     DISORDER,
@@ -32,6 +40,7 @@ from sph_gym.solver.surface import (
     inverse_weight,
 )
 
+# What `viscosity_form` may be; both mean the one laminar viscosity.
 VISCOSITY_FORMS = ("laplacian", "morris")
 
 # --- Pressure -------------------------------------------------------------------------------
@@ -151,55 +160,32 @@ def add_quadratic_viscosity(effect, pair, stress):
 # --- Laminar viscosity ----------------------------------------------------------------------
 
 
-class LaplacianViscosity(NamedTuple):
-    """strength: 2 nu viscosity_scale / gradient_scale, nu [m^2/s] the kinematic viscosity."""
+class LaminarViscosity(NamedTuple):
+    """strength: 2 nu K rho0 / (m gradient_scale), K see `kernels.friction_scale`; h [m]."""
 
     strength: float
-
-
-class MorrisViscosity(NamedTuple):
-    """strength: 4 nu [m^2/s]."""
-
-    strength: float
+    h: float
 
 
 @effect(typical=lambda scene: 1e-3 * scene.h * scene.fluid.c0, at_walls="no-slip")
 def laminar_viscosity(nu, given):
-    """Kinematic viscosity nu [m^2/s]; its form is `viscosity_form`, "laplacian" or "morris".
+    """Kinematic viscosity nu [m^2/s], calibrated on the lattice: the same with every kernel.
 
-    Source: Mueller, Charypar, Gross 2003, eq. 14; Morris, Fox, Zhu 1997, eq. 22.
+    Source: Morris, Fox, Zhu 1997, eq. 22.
     """
-    if given.effects.viscosity_form == "morris":
-        return MorrisViscosity(4 * nu)
-    kernel = given.kernel
-    return LaplacianViscosity(2 * nu * kernel.viscosity_scale / kernel.gradient_scale)
-
-
-@dispatch
-def friction(effect: Any, pair: Any) -> Any:
-    """Factor of v_j - v_i in the viscous acceleration."""
-
-
-@friction.member(LaplacianViscosity)
-def _laplacian_friction(effect, pair):
-    return effect.strength * (pair.viscosity * pair.inv_rho)
-
-
-@friction.member(MorrisViscosity)
-def _morris_friction(effect, pair):
-    return effect.strength * (pair.gradient * (pair.r2 * pair.inv_rho_r2))
+    scale = friction_scale(given.h, given.dx) * given.rho0 / given.mass
+    return LaminarViscosity(2 * nu * scale / given.kernel.gradient_scale, given.h)
 
 
 @jitable
 def add_laminar_viscosity(effect, pair, ax, ay):
-    """nu sum m (v_j - v_i) / rho_mean w_ij; for the step see `kernels.viscous_share`.
+    """nu sum K rho0 / rho_mean (h - r)^3 (v_j - v_i); for the step see `kernels.viscous_share`.
 
-    w is the Laplacian weight of the kernel, or Morris' 2 r . grad W / (r^2 + eta^2), both with
-    the mean density, which conserves momentum.
+    The mean density conserves momentum.
     """
     if effect is None:
         return ax, ay
-    drag = friction(effect, pair)
+    drag = effect.strength * (friction(effect.h, pair.r) * pair.inv_rho)
     return ax - drag * pair.slip_u, ay - drag * pair.slip_v
 
 
@@ -301,51 +287,84 @@ def add_smoothing(effect, sums, tx, ty):
 
 # Mach number that c0 is meant for, and the share of that speed that bounds the shifts.
 MACH, TOP_SHIFT = 0.1, 0.5
+# Share of the densities of the first two rows below a free surface up to which a particle is open.
+OPEN = 0.7
+# Share of 1 / h: a smaller gradient of the openness is no surface.
+FAINT = 0.003
 
 
 class Shifting(NamedTuple):
-    """scale: 2 A U h m gradient_scale, U [m/s] a tenth of c0; top: the largest shift [m/s]."""
+    """scale: 2 A U h m gradient_scale, U [m/s] a tenth of c0; top: the largest shift [m/s]; faint:
+    A U FAINT [m/s]; closed: density [kg/m^3] from which on a particle is inside; inv_room: 1 / what
+    is between that and the density of a free surface.
+    """
 
     scale: float
     top: float
+    faint: float
+    closed: float
+    inv_room: float
 
 
 @effect(typical=lambda scene: 1.0)
 def shifting(factor, given):
-    """A, about 2, times h and a tenth of c0: particles leave where they are crowded.
+    """A, about 2, times h and a tenth of c0: particles leave crowded places, inside the fluid.
 
-    Source: Skillen, Lind, Stansby, Rogers 2013, eq. 13.
+    Source: Skillen, Lind, Stansby, Rogers 2013, eq. 13; at free surfaces Lind et al. 2012.
     """
     speed = MACH * given.c0
     force_scale = given.mass * given.kernel.gradient_scale
-    return Shifting(2 * factor * speed * given.h * force_scale, TOP_SHIFT * speed)
+    first, second = surface_densities(
+        given.kernel, given.mass, given.dx, primitive if given.effects.continuity else weight
+    )
+    room = max(OPEN * (second - first), 1e-3 * given.rho0)
+    return Shifting(
+        2 * factor * speed * given.h * force_scale, TOP_SHIFT * speed, FAINT * factor * speed,
+        first + room, 1 / room,
+    )  # fmt: skip
 
 
 @jitable
-def add_crowding(effect, pair, cx, cy):
-    """- grad C = - sum V_j grad W, the concentration of particles, V = m / rho_mean.
+def openness(effect, density):
+    """Return 1 at a free surface, 0 inside; density: as the kernel sum [kg/m^3]."""
+    if effect is None:
+        return density
+    zero, one = like(density, 0.0), like(density, 1.0)
+    return minimum(maximum((effect.closed - density) * effect.inv_room, zero), one)
 
-    Source: Lind, Xu, Stansby, Rogers 2012, eq. 21.
+
+@jitable
+def add_crowding(effect, pair, sums):
+    """cx, cy: - grad C = - sum V_j grad W, the concentration of particles, V = m / rho_mean.
+
+    ox, oy: the same sum of the openness of j. Source: Lind, Xu, Stansby, Rogers 2012, eq. 21.
     """
     if effect is None:
-        return cx, cy
+        return sums.cx, sums.cy, sums.ox, sums.oy
     crowd = pair.gradient * pair.inv_rho
-    return cx + crowd * pair.dx, cy + crowd * pair.dy
+    cx, cy, opening = crowd * pair.dx, crowd * pair.dy, openness(effect, pair.sum_j)
+    return sums.cx + cx, sums.cy + cy, sums.ox + opening * cx, sums.oy + opening * cy
 
 
 @jitable
-def add_shift(effect, sums, tx, ty):
+def add_shift(effect, sums, density, tx, ty):
     """tx, ty and the velocity [m/s] with which particles leave where they are crowded.
 
-    For confined flows: at a free surface the gradient points out of the fluid. The speed is the
-    scene's own.
+    Near a free surface it has no part along the surface's normal, the gradient of the openness; at
+    the surface itself there is none. The speed is the scene's own. density: as the kernel sum.
     """
     if effect is None:
         return tx, ty
-    shift_x, shift_y = effect.scale * sums.cx, effect.scale * sums.cy
-    size2 = shift_x * shift_x + shift_y * shift_y
+    opening = openness(effect, density)
+    x, y = effect.scale * sums.cx, effect.scale * sums.cy
+    nx, ny = effect.scale * sums.ox - opening * x, effect.scale * sums.oy - opening * y
+    size2 = nx * nx + ny * ny + effect.faint * effect.faint
+    across = (x * nx + y * ny) * reciprocal(size2 + like(x, 1e-30))
+    inside = like(x, 1.0) - opening
+    x, y = inside * (x - across * nx), inside * (y - across * ny)
+    size2 = x * x + y * y
     share = minimum(effect.top * rsqrt(size2 + like(size2, 1e-30)), like(size2, 1.0))
-    return tx + share * shift_x, ty + share * shift_y
+    return tx + share * x, ty + share * y
 
 
 # --- Density by continuity ------------------------------------------------------------------
@@ -432,8 +451,12 @@ def wall_effects(effects: Any, slip: str) -> Any:
     """Return the effects between fluid and boundary particles, which slip or do not.
 
     Walls hold no velocity that would smooth the advection and no density that could diffuse, and
-    do not attract the fluid; those with free slip do not rub either.
+    do not attract the fluid; those with free slip do not rub either. They are no free surface.
     """
+    if effects.shifting is not None:
+        effects = effects._replace(
+            shifting=effects.shifting._replace(inv_room=0 * effects.shifting.inv_room)
+        )
     acting = {"always", slip}
     return effects._replace(**{e.name: None for e in EFFECTS if e.at_walls not in acting})
 
@@ -443,10 +466,11 @@ class Effects:
     """The effects that act on the fluid besides pressure; one that is left out costs nothing.
 
     gravity: (gx, gy) [m/s^2], or one of the kinds in gravity.py. All others: see the decorated
-    function of the same name in effects.py, or docs/architecture.md.
+    function of the same name in effects.py, or docs/architecture.md. viscosity_form: deprecated,
+    without a meaning since there is one laminar viscosity.
 
     Raises ValueError for values that aren't finite, for negative ones, for a density diffusion
-    without continuity, and for a form of laminar viscosity where there is none.
+    without continuity, and for an unknown form of viscosity.
     """
 
     gravity: AnyGravity | tuple[float, float] | None = None
@@ -455,23 +479,25 @@ class Effects:
     laminar_viscosity: float | None = None
     surface_tension: float | None = None
     quadratic_viscosity: float | None = None
-    viscosity_form: str = "laplacian"
+    viscosity_form: InitVar[str | None] = None
     tensile_correction: float | None = None
     continuity: bool = False
     density_diffusion: float | None = None
     shifting: float | None = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, viscosity_form: str | None) -> None:
         if self.gravity is not None and not isinstance(self.gravity, AnyGravity):
             vector = finite_array("effects.gravity", self.gravity, (2,))
             object.__setattr__(self, "gravity", Gravity(float(vector[0]), float(vector[1])))
         for each in EFFECTS:
             each.check(self)
-        known("effects.viscosity_form", self.viscosity_form, VISCOSITY_FORMS)
-        if self.viscosity_form != VISCOSITY_FORMS[0] and self.laminar_viscosity is None:
-            raise ValueError(
-                "effects.viscosity_form: expected effects.laminar_viscosity with it, got "
-                f"{self.viscosity_form!r} alone"
+        if viscosity_form is not None:
+            known("effects.viscosity_form", viscosity_form, VISCOSITY_FORMS)
+            warnings.warn(
+                "effects.viscosity_form has no meaning any more: both forms are the one calibrated "
+                "laminar viscosity; leave it out",
+                DeprecationWarning,
+                stacklevel=3,
             )
 
     @property

@@ -23,7 +23,7 @@ from sph_gym.solver.effects import (
 )
 from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import jitable
-from sph_gym.solver.kernels import gradient, viscosity, weight
+from sph_gym.solver.kernels import gradient, weight
 from sph_gym.solver.lanes import broadcast, like, load, reciprocal, rsqrt, select
 from sph_gym.solver.neighbors import fluid_range, neighbor, wall_range
 from sph_gym.solver.periodic import nearest_image
@@ -34,9 +34,9 @@ class Pair(NamedTuple):
 
     dx, dy: x_i - x_j [m]; r2: its square, r: its length; du, dv: v_i - v_j [m/s]; slip_u, slip_v:
     the same as viscosity sees it, which at a wall may be a mirrored velocity; stress_i, stress_j:
-    p / rho^2; density_gap: rho_j - rho_i; density_sum: rho_i + rho_j; inv_rho: 1 / (rho_i +
-    rho_j); inv_rho_r2: the same divided by r^2 + eta^2; weight, gradient, viscosity: kernel
-    shapes.
+    p / rho^2; density_gap: rho_j - rho_i; density_sum: rho_i + rho_j; sum_j: rho_j as a kernel
+    sum, without the offset of densities by continuity; inv_rho: 1 / (rho_i + rho_j); inv_rho_r2:
+    the same divided by r^2 + eta^2; weight, gradient: kernel shapes.
     """
 
     dx: Any
@@ -51,11 +51,11 @@ class Pair(NamedTuple):
     stress_j: Any
     density_gap: Any
     density_sum: Any
+    sum_j: Any
     inv_rho: Any
     inv_rho_r2: Any
     weight: Any
     gradient: Any
-    viscosity: Any
 
 
 class Sums(NamedTuple):
@@ -63,7 +63,7 @@ class Sums(NamedTuple):
 
     ax, ay: acceleration / (m gradient_scale); sx, sy: XSPH sum / (2 eps m weight_scale); growth:
     d rho/dt by diffusion / (m gradient_scale); cx, cy: - grad C / (2 m gradient_scale), see
-    `add_crowding`.
+    `add_crowding`; ox, oy: the same of the openness.
     """
 
     ax: Any
@@ -73,6 +73,8 @@ class Sums(NamedTuple):
     growth: Any
     cx: Any
     cy: Any
+    ox: Any
+    oy: Any
 
 
 class Rates(NamedTuple):
@@ -156,11 +158,11 @@ def add_pair(target, sources, j, kernel, constants, effects, sums):
         stress_j,
         rho_j - target.rho,
         density_sum,
+        rho_j - broadcast_or_zero(sources.offset, j, zero),
         inv_rho_r2 * softened_r2,
         inv_rho_r2,
         select(near, weight(kernel, r2, r), zero),
         select(near, gradient(kernel, r2, r, inv_r), zero),
-        select(near, viscosity(kernel, r2, r), zero),
     )
     stress = add_tensile_correction(effects.tensile_correction, pair, target.stress + stress_j)
     stress = add_artificial_viscosity(effects.artificial_viscosity, pair, stress)
@@ -173,8 +175,7 @@ def add_pair(target, sources, j, kernel, constants, effects, sums):
     )  # fmt: skip
     sx, sy = add_xsph(effects.xsph, pair, sums.sx, sums.sy)
     growth = add_density_diffusion(effects.density_diffusion, pair, sums.growth)
-    cx, cy = add_crowding(effects.shifting, pair, sums.cx, sums.cy)
-    return Sums(ax, ay, sx, sy, growth, cx, cy)
+    return Sums(ax, ay, sx, sy, growth, *add_crowding(effects.shifting, pair, sums))
 
 
 @jitable
@@ -203,7 +204,7 @@ def pair_sums(i, fluid, walls, lists, model):
         load_or_zero(fluid.ny, i, x),
     )
     zero = like(x, 0.0)
-    sums = Sums(zero, zero, zero, zero, zero, zero, zero)
+    sums = Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
     begin, end = fluid_range(lists, i)
     sums = add_pairs(target, fluid, lists, begin, end, model, model.effects, sums)
     begin, end = wall_range(lists, i)
@@ -221,5 +222,6 @@ def rates(i, fluid, walls, lists, model, time):
     x, y, u, v = load(fluid.x, i), load(fluid.y, i), load(fluid.u, i), load(fluid.v, i)
     ax, ay = add_gravity(model.gravity, time, x, y, u, v, scale * sums.ax, scale * sums.ay)
     tx, ty = add_smoothing(effects.xsph, sums, zero, zero)
-    tx, ty = add_shift(effects.shifting, sums, tx, ty)
+    density = load(fluid.rho, i) - load_or_zero(fluid.offset, i, zero)
+    tx, ty = add_shift(effects.shifting, sums, density, tx, ty)
     return Rates(ax, ay, tx, ty, scale * sums.growth)

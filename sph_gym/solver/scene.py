@@ -152,11 +152,9 @@ class Scene:
     def viscous_share(self) -> float:
         """The longest step that laminar viscosity allows, as a share of h^2 / nu; see `kernels`.
 
-        It depends on the kernel, the form of the viscosity and the integrator.
+        It depends on h / dx and the integrator.
         """
-        kernel = ALL_KERNELS[self.fluid.kernel](self.h)
-        share = viscous_share(kernel, self.effects.viscosity_form)
-        return VISCOUS_SHARES.get(self.integrator, 1.0) * share
+        return VISCOUS_SHARES.get(self.integrator, 1.0) * viscous_share(self.h, self.dx)
 
     def _check_walls(self) -> None:
         """Check the demands of walls, fluid and effects on each other."""

@@ -162,7 +162,7 @@ def test_another_thread_may_drop_what_was_just_found(store, monkeypatch):
 # --- Viscous fluids -------------------------------------------------------------------------
 
 # Arguments with which scenes are coarse; fine where friction limits the step.
-COARSE = {"relaxation": {"dx": 0.012}}
+COARSE = {"relaxation": {"dx": 0.015}}
 ARGUMENTS = {name: {"dx": 2 * scenes.parameters(name)["dx"]} for name in scenes.names()} | COARSE
 VISCOUS = [
     name for name in scenes.names()
@@ -188,7 +188,7 @@ def test_viscous_scenes_can_be_tuned(store, name):
 
 
 def test_a_viscous_environment_can_be_made_finer(store):
-    env = sph_gym.TuningEnv("relaxation", dx=0.012)
+    env = sph_gym.TuningEnv("relaxation", dx=0.015)
     env.reset(seed=0)
     # friction limits the step, dx^2 / nu
     coarse = reference(scenes.make("relaxation", dx=0.025)).cfl_substeps

@@ -1,11 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from sph_gym import Simulation
+from sph_gym import Simulation, channel_particles
 from sph_gym.scenes import couette as c
 from sph_gym.scenes import poiseuille as p
 from sph_gym.scenes.shared.channel import height_of, tau
 from sph_gym.scenes.shared.reference import Run, read
+from sph_gym.solver.kernels import KERNELS
 from tests.scenes.planted import planted
 
 FLOWS = {"poiseuille": (p, p.poiseuille), "couette": (c, c.couette)}
@@ -90,3 +93,65 @@ def test_a_coarse_run_follows_the_series(name, reynolds):
     for seen, exact in zip(chart.curves[::2], chart.curves[1::2], strict=True):
         there = np.interp(np.asarray(seen.y), np.asarray(exact.y), np.asarray(exact.x))
         assert np.allclose(seen.x, there, atol=0.03)
+
+
+# --- The viscosity that the flow shows ------------------------------------------------------
+
+RATIOS = [2.0, 2.5, 3.0, 3.5, 4.0]
+
+
+def channel(name, kernel, ratio, across):
+    """Return the scene of a flow with another kernel and h / dx, in walls as thick as h."""
+    scene = FLOWS[name][1](dx=1 / across)
+    boundary = channel_particles(16 / across, 1.0, 1 / across, layers=4)
+    velocity = np.where((boundary[:, 1:] > 1.0) & (name == "couette"), (1.0, 0.0), (0.0, 0.0))
+    return replace(
+        scene,
+        h=ratio * scene.dx,
+        fluid=replace(scene.fluid, kernel=kernel),
+        walls=replace(scene.walls, particles=boundary, velocity=velocity),
+    )
+
+
+def seen_viscosity(kernel, ratio, across):
+    """Return nu of Poiseuille flow as it rises and at the end, of its own nu."""
+    sim = Simulation(channel("poiseuille", kernel, ratio, across), threads=1)
+    found = []
+    for _ in range(2):
+        assert not sim.advance(sim.scene.duration / 2).diverged
+        exact = p.velocity(sim.x[: sim.n_fluid, 1], tau(sim))
+        found.append((exact**2).sum() / (exact * sim.v[: sim.n_fluid, 0]).sum())
+    return found
+
+
+def tolerance(kernel, ratio):
+    """Return the largest error of nu; at 2 dx, a quintic spline hardly sees its neighbours."""
+    return 0.02 if (kernel, ratio) == ("quintic_spline", 2.0) else 0.01
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_poiseuille_flow_is_as_viscous_as_it_should_be(ratio):
+    kernel = "quintic_spline"
+    found = seen_viscosity(kernel, ratio, 20)
+    assert found == pytest.approx([1.0, 1.0], abs=tolerance(kernel, ratio))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_every_kernel_is_as_viscous_as_it_should_be(kernel, ratio):
+    found = {across: seen_viscosity(kernel, ratio, across) for across in (20, 40)}
+    print(f"| {kernel} | {ratio} |", *(f"{nu:.4f} |" for nus in found.values() for nu in nus))
+    for nus in found.values():
+        assert nus == pytest.approx([1.0, 1.0], abs=tolerance(kernel, ratio))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_couette_flow_sticks_to_its_walls(kernel, ratio):
+    sim = Simulation(channel("couette", kernel, ratio, 20), threads=1)
+    sim.advance(sim.scene.duration)
+    error = c.REFERENCE.error(sim)
+    print(f"| {kernel} | {ratio} | {error:.3f} % of Umax |")
+    assert error < 1.0

@@ -6,9 +6,21 @@ import numpy as np
 import pytest
 from numba import typeof, types
 
-from sph_gym import Effects, Walls
+from sph_gym import (
+    Effects,
+    Fluid,
+    Scene,
+    Simulation,
+    Walls,
+    disc,
+    lattice,
+    sound_speed,
+    tank_particles,
+)
+from sph_gym.studies.stability.bodies import CELL, wide
 from tests.cases import (
     CHANNEL,
+    DX,
     MOVING,
     PAIRS,
     PISTON,
@@ -96,6 +108,9 @@ def test_walls_take_part_in_what_they_should(pressure, slip):
         without |= {"artificial_viscosity", "quadratic_viscosity", "laminar_viscosity"}
     for name, of_fluid in model.effects._asdict().items():
         of_walls = getattr(model.wall_effects, name)
+        if name == "shifting":
+            # walls are no free surface
+            of_fluid = of_fluid._replace(inv_room=0.0)
         assert of_walls is None if name in without else of_walls == of_fluid
 
 
@@ -145,3 +160,38 @@ def test_artificial_viscosity_does_not_follow_the_stiffness():
     assert np.abs(before).max() > 1.0
     sim.controls = sim.controls._replace(stiffness=100 * sim.controls.stiffness)
     assert (sim.a == before).all()
+
+
+# --- Shifting at free surfaces --------------------------------------------------------------
+
+
+def test_a_drop_that_is_shifted_stays_a_drop():
+    middle, radius = CELL * DX / 2, 5 * DX
+    x = disc(middle, middle, radius, DX)
+    sim = Simulation(replace(wide(DX, 3.5, shifting=2.0), x=x, v=None))
+    sim.advance(0.5)
+    assert np.hypot(*(sim.x - middle).T).max() < 1.1 * radius
+    assert np.abs(sim.x.mean(axis=0) - middle).max() < 0.1 * DX
+    assert sim.max_speed < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strength", [0.5, 2.0])
+@pytest.mark.parametrize(("kernel", "ratio"), [("quintic_spline", 2.8), ("wendland_c2", 3.0)])
+def test_a_tank_at_rest_keeps_its_level_when_it_is_shifted(kernel, ratio, strength):
+    dx, width, depth = 0.02, 0.4, 0.3
+    effects = Effects((0, -9.81), xsph=True, artificial_viscosity=0.1, shifting=strength)
+    particles = tank_particles(width, 2 * depth, dx)
+    walls = Walls(particles, box=(0, width, 0, np.inf), pressure="extrapolated")
+    x = lattice(0, width, 0, depth, dx)
+    water = Fluid(c0=sound_speed(2.5), kernel=kernel)
+    sim = Simulation(Scene("tank", x, dx, ratio * dx, water, effects=effects, walls=walls))
+    at_stake = 1000 * width * depth * 9.81 * depth
+    for _ in range(10):
+        assert not sim.advance(0.3).diverged
+        # the first waves throw single particles up by two spacings
+        assert sim.x[: sim.n_fluid, 1].max() < depth + 2 * dx
+    assert sim.x[: sim.n_fluid, 1].max() < 1.05 * depth
+    assert sim.diagnostics()["com_y"] == pytest.approx(depth / 2, rel=0.03)
+    assert sim.energy_surplus < 0.02 * at_stake
+    assert sim.diagnostics()["kinetic_energy"] < 2e-3 * at_stake

@@ -12,8 +12,10 @@ from sph_gym.solver.kernels import (
     WRONG_KERNELS,
     calibrated_mass,
     density_kernel,
+    friction,
+    friction_scale,
     gradient,
-    viscosity,
+    surface_densities,
     viscous_share,
     weight,
 )
@@ -36,12 +38,6 @@ def slope(kernel, r):
     return kernel.gradient_scale * np.reshape(shapes, np.shape(r))
 
 
-def laplacian_weight(kernel, r):
-    """The weight of the Laplacian [1/m^4], for any distances [m]."""
-    shapes = [viscosity(kernel, one * one, one) for one in np.ravel(r)]
-    return kernel.viscosity_scale * np.reshape(shapes, np.shape(r))
-
-
 def in_space(function, power):
     """Integral over the plane of function(r) r^power."""
 
@@ -52,12 +48,11 @@ def in_space(function, power):
 
 
 def moments(kernel):
-    """Normalisation, slope of a linear field and Laplacian of a parabola: 1, 1 and 2 if right."""
-    # half of r^2 is x^2: first the integral of -x dW/dx, then f = x^2
+    """Normalisation and slope of a linear field: 1 and 1 if right."""
+    # half of r^2 is x^2: the integral of -x dW/dx
     return (
         in_space(lambda r: density_kernel(kernel, r), 0),
         in_space(lambda r: -slope(kernel, r), 1) / 2,
-        in_space(lambda r: laplacian_weight(kernel, r), 2) / 2,
     )
 
 
@@ -74,18 +69,13 @@ def test_gradient_differentiates_a_linear_field(kernel):
     assert moments(kernel)[1] == pytest.approx(1)
 
 
-@kernels
-def test_laplacian_of_a_parabola_is_two(kernel):
-    assert moments(kernel)[2] == pytest.approx(2)
-
-
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("wrong_3d_constants", (315 / 256 / H, 3 / 2 / H, 9 / 4 / H)),
-        ("wrong_spiky_gradient", (1, 1 / 3, 2)),
+        ("wrong_3d_constants", (315 / 256 / H, 3 / 2 / H)),
+        ("wrong_spiky_gradient", (1, 1 / 3)),
         # which is why it isn't found this way
-        ("wrong_poly6_gradient", (1, 1, 2)),
+        ("wrong_poly6_gradient", (1, 1)),
     ],
 )
 def test_how_wrong_the_wrong_kernels_are(name, expected):
@@ -115,7 +105,6 @@ def test_with_a_calibrated_mass_3d_constants_are_wrong_by_their_ratio():
     mass = calibrated_mass(wrong, 1000.0, H / 3) / calibrated_mass(right, 1000.0, H / 3)
     assert mass == pytest.approx(256 / 315 * H)
     assert mass * wrong.gradient_scale / right.gradient_scale == pytest.approx(128 / 105)
-    assert mass * wrong.viscosity_scale / right.viscosity_scale == pytest.approx(32 / 35)
 
 
 # --- Shapes ---------------------------------------------------------------------------------
@@ -145,20 +134,11 @@ def test_shapes_times_scales_are_the_textbook_kernels(name):
     r = np.linspace(0.001, 0.999, 50) * H
     assert_close(density_kernel(kernel, r), textbook.density(r, H), 1e-13)
     assert_close(slope(kernel, r), textbook.slope(r, H), 1e-13)
-    assert_close(laplacian_weight(kernel, r), textbook.laplacian(r, H), 1e-13)
-
-
-@pytest.mark.parametrize("name", ["wendland_c2", "cubic_spline", "quintic_spline"])
-def test_laplacians_after_morris_are_twice_the_gradient(name):
-    kernel, textbook = KERNELS[name](H), naive.KERNELS[name]
-    r = np.linspace(0.001, 0.999, 50) * H
-    assert_close(laplacian_weight(kernel, r), -2 * slope(kernel, r) / r, 1e-13)
-    assert_close(textbook.laplacian(r, H), -2 * textbook.slope(r, H) / r, 1e-10)
 
 
 @pytest.mark.parametrize("name", ["cubic_spline", "quintic_spline"])
 @pytest.mark.parametrize("knot", KNOTS)
-@pytest.mark.parametrize("function", [density_kernel, slope, laplacian_weight])
+@pytest.mark.parametrize("function", [density_kernel, slope])
 def test_shapes_of_splines_have_no_jump_and_no_corner_at_their_knots(name, knot, function):
     kernel, step = KERNELS[name](H), 1e-5 * H
     values = function(kernel, np.array([-2, -1, 0, 1, 2]) * step + knot)
@@ -173,11 +153,8 @@ def test_coincident_particles_have_finite_shapes(name, dtype):
     kernel, textbook = ALL_KERNELS[name](DX, dtype), naive.KERNELS[name]
     r2 = dtype(COINCIDENT)
     r = np.sqrt(r2)
-    shapes = weight(kernel, r2, r), viscosity(kernel, r2, r)
-    expected = textbook.density(0.0, DX), textbook.laplacian(0.0, DX)
-    scales = kernel.weight_scale, kernel.viscosity_scale
-    for shape, scale, value in zip(shapes, scales, expected, strict=True):
-        assert float(shape) * scale == pytest.approx(float(value), rel=1e-6)
+    found = float(weight(kernel, r2, r)) * kernel.weight_scale
+    assert found == pytest.approx(float(textbook.density(0.0, DX)), rel=1e-6)
     assert np.isfinite(gradient(kernel, r2, r, 1 / r))
 
 
@@ -185,7 +162,8 @@ def test_coincident_particles_have_finite_shapes(name, dtype):
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_close_particles_are_pushed_apart_without_noise(name, dtype):
     kernel = KERNELS[name](DX, dtype)
-    limit = kernel.viscosity_scale * float(viscosity(kernel, dtype(0), dtype(0))) / 2
+    near = 1e-7 * DX
+    limit = -naive.KERNELS[name].slope(near, DX) / near
     for r in (DX * 10.0 ** np.arange(-12, -6)).astype(dtype):
         shape = gradient(kernel, r * r, r, 1 / r)
         assert kernel.gradient_scale * float(shape) == pytest.approx(limit, rel=1e-5)
@@ -211,11 +189,11 @@ def test_density_kernel_takes_arrays_of_any_shape():
 def test_shapes_have_the_precision_asked_for_and_scales_are_double(make):
     kernel = make(H, np.float32)
     numbers = kernel._asdict()
-    scales = {type(numbers.pop(f"{name}_scale")) for name in ("weight", "gradient", "viscosity")}
+    scales = {type(numbers.pop(f"{name}_scale")) for name in ("weight", "gradient")}
     assert scales == {float}
     assert {type(number) for number in numbers.values()} == {np.float32}
     r = np.float32(0.3)
-    shapes = weight(kernel, r * r, r), gradient(kernel, r * r, r, 1 / r), viscosity(kernel, r, r)
+    shapes = weight(kernel, r * r, r), gradient(kernel, r * r, r, 1 / r), friction(kernel.h, r)
     assert {type(shape) for shape in shapes} == {np.float32}
 
 
@@ -231,10 +209,9 @@ def in_lanes(pair, spiky, cubic, quintic, r2, r, inv_r, out):
         store(out, r.size + i, weight(spiky, s, d), w)
         store(out, 2 * r.size + i, weight(cubic, s, d), w)
         store(out, 3 * r.size + i, gradient(cubic, s, d, inv), w)
-        store(out, 4 * r.size + i, viscosity(cubic, s, d), w)
-        store(out, 5 * r.size + i, weight(quintic, s, d), w)
-        store(out, 6 * r.size + i, gradient(quintic, s, d, inv), w)
-        store(out, 7 * r.size + i, viscosity(quintic, s, d), w)
+        store(out, 4 * r.size + i, weight(quintic, s, d), w)
+        store(out, 5 * r.size + i, gradient(quintic, s, d, inv), w)
+        store(out, 6 * r.size + i, friction(quintic.h, d), w)
 
 
 @jit
@@ -244,10 +221,9 @@ def in_numbers(pair, spiky, cubic, quintic, r2, r, inv_r):
         weight(spiky, r2, r),
         weight(cubic, r2, r),
         gradient(cubic, r2, r, inv_r),
-        viscosity(cubic, r2, r),
         weight(quintic, r2, r),
         gradient(quintic, r2, r, inv_r),
-        viscosity(quintic, r2, r),
+        friction(quintic.h, r),
     )
 
 
@@ -256,7 +232,7 @@ def test_compiled_shapes_are_those_of_plain_numbers(dtype):
     names = ("wrong_poly6_gradient", "spiky", "cubic_spline", "quintic_spline")
     chosen = [ALL_KERNELS[name](H, dtype) for name in names]
     r = np.append(np.sqrt(COINCIDENT), np.linspace(1e-3, 0.999, 63) * H).astype(dtype)
-    out = np.zeros((8, r.size), dtype)
+    out = np.zeros((7, r.size), dtype)
     in_lanes(*chosen, r * r, r, 1 / r, out.reshape(-1))
     plain = getattr(in_numbers, "py_func", in_numbers)
     expected = np.array([plain(*chosen, one * one, one, 1 / one) for one in r], dtype)
@@ -270,7 +246,7 @@ def test_no_literal_widens_single_precision():
     one = np.float32(0.25)
     in_numbers(*(ALL_KERNELS[name](H, np.float32) for name in names), one, one, one)
     kinds = [signature.return_type for signature in in_numbers.nopython_signatures]
-    assert kinds == [numba.types.UniTuple(numba.float32, 8)]
+    assert kinds == [numba.types.UniTuple(numba.float32, 7)]
 
 
 # --- Lattices -------------------------------------------------------------------------------
@@ -322,27 +298,56 @@ def test_calibrated_mass_gives_the_rest_density_on_the_lattice(name, h_over_dx):
     assert sim.rho[n * n // 2] == pytest.approx(1300.0, rel=1e-13)
 
 
-def fastest_decay(kernel, form, dx):
-    """Of all waves on a square lattice, in a fluid of nu = 1 [1/s]."""
-    place = np.arange(-4, 5) * dx
-    r = np.hypot(*np.meshgrid(place, place))
-    w, near = np.zeros_like(r), (r > 0) & (r < kernel.h)
-    if form == "morris":
-        w[near] = -2 * slope(kernel, r[near]) * r[near] / (r[near] ** 2 + 0.01 * kernel.h2)
-    else:
-        w[near] = laplacian_weight(kernel, r[near])
-    waves = np.cos(np.outer(np.linspace(0, np.pi, 41), np.arange(-4, 5)))
+# --- Friction -------------------------------------------------------------------------------
+
+RATIOS = [2.0, 2.2, 2.5, 2.6, 2.8, 3.0, 3.3, 3.5, 3.7, 4.0]
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.2, *RATIOS])
+def test_friction_is_that_of_the_textbook(ratio):
+    r = np.linspace(0.0, 1.5, 50) * H
+    assert_close(friction(H, r), naive.friction(r, H), 1e-13)
+    expected = naive.friction_scale(H, H / ratio)
+    assert friction_scale(H, H / ratio) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_rows_that_slide_past_each_other_are_as_viscous_as_the_lattice(ratio):
+    x, y = np.meshgrid(np.linspace(-5.0, 5.0, 401), np.arange(-5.0, 6.0))
+    moment = (friction_scale(ratio, 1.0) * friction(ratio, np.hypot(x, y)) * y**2).sum() / 40
+    assert moment == pytest.approx(2, rel=0.01 if ratio < 2.5 else 0.0025)
+
+
+def fastest_decay(ratio):
+    """Of all waves on the square lattice, in a fluid of nu = 1, h = ratio and dx = 1 [1/s]."""
+    place = np.arange(-4, 5)
+    w = friction_scale(ratio, 1.0) * friction(ratio, np.hypot(*np.meshgrid(place, place)))
+    waves = np.cos(np.outer(np.linspace(0, np.pi, 41), place))
     # w is even, so that the sines cancel
-    return dx**2 * (w.sum() - (waves @ w @ waves.T)).max()
+    return (w.sum() - (waves @ w @ waves.T)).max()
 
 
-@kernels
-@pytest.mark.parametrize("form", ["laplacian", "morris"])
-@pytest.mark.parametrize("ratio", [2.0, 2.6, 3.0, 3.7])
-def test_the_viscous_step_is_stable_and_not_much_shorter_than_it_must_be(kernel, form, ratio):
-    share = viscous_share(kernel, form) * H**2 * fastest_decay(kernel, form, H / ratio)
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_the_viscous_step_is_stable_and_not_much_shorter_than_it_must_be(ratio):
+    share = viscous_share(ratio, 1.0) * ratio**2 * fastest_decay(ratio)
     assert 0.5 * 2 < share < 0.95 * 2
 
 
-def test_the_viscous_step_of_the_article_is_that_of_morris():
-    assert viscous_share(KERNELS["mueller"](H), "laplacian") == pytest.approx(0.125, rel=1e-12)
+def test_the_viscous_step_of_a_wide_support_is_that_of_a_continuum():
+    # the weight 280 / (pi h^7) (h - r)^3 has the integral 28 / h^2
+    assert viscous_share(40.0, 1.0) == pytest.approx(2 * (5 / 6) / 28, rel=1e-3)
+
+
+# --- Free surfaces --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ratio", [1.0, 2.0, 2.6, 4.0])
+@pytest.mark.parametrize("name", KERNELS)
+def test_densities_below_a_free_surface(name, ratio):
+    kernel = KERNELS[name](ratio * DX)
+    mass = calibrated_mass(kernel, 1000.0, DX)
+    first, second = surface_densities(kernel, mass, DX, weight)
+    x = lattice(-5 * DX, 5 * DX, -5 * DX, 0.0, DX)
+    for found, depth in ((first, 0.5), (second, 1.5)):
+        r = np.hypot(x[:, 0] - 0.5 * DX, x[:, 1] + depth * DX)
+        assert found == pytest.approx(mass * density_kernel(kernel, r).sum(), rel=1e-12)

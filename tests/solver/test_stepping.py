@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sph_gym import Fluid, Gravity, Simulation
+from sph_gym.solver.kernels import viscous_share
 from sph_gym.solver.stepping import stable_dt
 from tests.cases import (
     ALL_EFFECTS,
@@ -156,7 +157,7 @@ def test_stable_dt_of_a_simulation(configuration, cloud):
     h, c = sim.scene.h, np.sqrt(7 * sim.controls.stiffness / 1000.0)
     limits = [0.4 * h / c, 0.25 * np.sqrt(h / np.linalg.norm(sim.a, axis=1).max())]
     if configuration == "open space":
-        limits.append(0.125 * h**2 / ALL_EFFECTS.laminar_viscosity)
+        limits.append(viscous_share(h, DX) * h**2 / ALL_EFFECTS.laminar_viscosity)
     assert sim.stable_dt() == pytest.approx(min(limits), rel=1e-12)
 
 

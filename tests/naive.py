@@ -254,7 +254,7 @@ def calibrated_surface(sigma, kernel, h, dx, volume):
             held = 0.3 * (float(kernel.density(np.array(r), h)) / at_dx) ** 4
             along += pull * (i * dx) ** 2 * (1 - held)
         tension += dx * across**2 / np.sqrt(across**2 + (0.3 / h) ** 2) * along
-    return sigma / tension
+    return (1 - 0.1 * (h / dx - 3.2)) * sigma / tension
 
 
 # --- The solver -----------------------------------------------------------------------------
@@ -434,12 +434,25 @@ class Naive:
             s = filled_gradient(offset, r, h, volume)
             pull = surface_pull(s, s, offset[:, :n], r[:, :n], self.kernel, h, dx, volume)
             a += strength * pull.sum(axis=1) / m
+            a += self.surface_friction(s, offset[:, :n], r[:, :n], v, mean_rho[:, :n])
         a += gravity(effects.gravity, time, x, v)
         return Rates(
             a,
             self.smoothing(v, r, mean_rho) + self.shift(grad, mean_rho),
             self.growth(rho, offset, r, slope, mean_rho),
         )
+
+    def surface_friction(self, s, offset, r, v, mean_rho):
+        """(n, 2) [m/s^2]: a viscosity 8 sqrt(sigma h / rho0) of the layer in which |s|^2 isn't 0."""
+        fluid, h = self.scene.fluid, self.h
+        volume = self.mass / fluid.rho0
+        nu = 8 * np.sqrt(self.scene.effects.surface_tension * h / fluid.rho0)
+        weight = np.divide(-wendland_slope(r, h), r, out=np.zeros_like(r), where=r > 0)
+        size = (s**2).sum(axis=1)
+        both = size[:, None] + size[None, :]
+        parting = ((v[:, None] - v[None, :]) * offset).sum(axis=-1) / (r**2 + 0.01 * h**2)
+        force = nu * h * volume * both * fluid.rho0 / (2 * mean_rho) * weight * parting
+        return -(force[..., None] * offset).sum(axis=1)
 
     def tensile(self, r, p, rho):
         """R f^4 of Monaghan 2000: f = W(r) / W(dx), R = R_i + R_j."""

@@ -32,14 +32,15 @@ SHAPE_SCALE = 140 / math.pi
 DISORDER = 0.3
 # The share (W(r) / W(dx))^4 of the pull that is held back: without it, the particles of the
 # surface pull themselves together to knots.
-HELD_BACK = 0.3
+HELD_BACK = 0.45
 # Viscosity of the layer in sqrt(sigma h / rho0). Measured on water drops (Ohnesorge number 0.004,
-# 16 dx in radius): at 3 drops boil under Wendland's kernel, at 5 under cubic splines, at 8 none.
-FRICTION = 8.0
+# radius 16 to 32 dx, h / dx from 2.3 to 4): at 3 drops boil under Wendland's kernel, at 5 under
+# cubic splines, at 8 fine ones of Wendland's kernel, at 12 none.
+FRICTION = 12.0
 # Longest stable step as a share of h^2 / viscosity of the layer, five sixths of the measured 0.25.
 FRICTION_SHARE = 0.2
 # Drops of h / dx = 3.2 ring in Rayleigh's period; one more of it makes them this share stiffer.
-STIFFER, RIGHT_SUPPORT = 0.1, 3.2
+STIFFER, RIGHT_SUPPORT = 0.115, 3.2
 
 
 def calibrated_stress(sigma: float, kernel: Any, volume: float, dx: float) -> float:

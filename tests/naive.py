@@ -194,7 +194,7 @@ def surface_pull(s_i, s_j, offset, r, kernel, h, dx, volume):
     direction = np.divide(offset, r[..., None], out=np.zeros_like(offset), where=r[..., None] > 0)
     grad = wendland_slope(r, h)[..., None] * direction
     at_dx = float(kernel.density(np.array(dx), h))
-    held = 0.3 * (kernel.density(r, h) / at_dx) ** 4 if at_dx > 0 else 0.0
+    held = 0.45 * (kernel.density(r, h) / at_dx) ** 4 if at_dx > 0 else 0.0
     total = np.zeros_like(offset)
     for s in (s_i[:, None], s_j[None, :]):
         size = (s**2).sum(axis=-1, keepdims=True)
@@ -232,10 +232,10 @@ def calibrated_surface(sigma, kernel, h, dx, volume):
                 continue
             pull = -volume * float(wendland_slope(r, h)) / r
             across += pull * j * dx
-            held = 0.3 * (float(kernel.density(np.array(r), h)) / at_dx) ** 4
+            held = 0.45 * (float(kernel.density(np.array(r), h)) / at_dx) ** 4
             along += pull * (i * dx) ** 2 * (1 - held)
         tension += dx * across**2 / np.sqrt(across**2 + (0.3 / h) ** 2) * along
-    return sigma / tension
+    return (1 - 0.115 * (h / dx - 3.2)) * sigma / tension
 
 
 # --- The solver -----------------------------------------------------------------------------
@@ -410,15 +410,28 @@ class Naive:
         if effects.surface_tension is not None:
             dx, volume = self.scene.dx, m / self.scene.fluid.rho0
             strength = calibrated_surface(effects.surface_tension, self.kernel, h, dx, volume)
-            s = filled_gradient(offset, r, h, volume)
+            s = filled_gradient(offset[:, :n], r[:, :n], h, volume)
             pull = surface_pull(s, s, offset[:, :n], r[:, :n], self.kernel, h, dx, volume)
             a += strength * pull.sum(axis=1) / m
+            a += self.surface_friction(s, offset[:, :n], r[:, :n], v, mean_rho[:, :n])
         a += gravity(effects.gravity, time, x, v)
         return Rates(
             a,
             self.smoothing(v, r, mean_rho) + self.shift(grad, r, mean_rho),
             self.growth(rho, offset, r, slope, mean_rho),
         )
+
+    def surface_friction(self, s, offset, r, v, mean_rho):
+        """(n, 2) [m/s^2]: a viscosity 12 sqrt(sigma h / rho0) where |s|^2 isn't 0."""
+        fluid, h = self.scene.fluid, self.h
+        volume = self.mass / fluid.rho0
+        nu = 12 * np.sqrt(self.scene.effects.surface_tension * h / fluid.rho0)
+        weight = np.divide(-wendland_slope(r, h), r, out=np.zeros_like(r), where=r > 0)
+        size = (s**2).sum(axis=1)
+        both = size[:, None] + size[None, :]
+        parting = ((v[:, None] - v[None, :]) * offset).sum(axis=-1) / (r**2 + 0.01 * h**2)
+        force = nu * h * volume * both * fluid.rho0 / (2 * mean_rho) * weight * parting
+        return -(force[..., None] * offset).sum(axis=1)
 
     def tensile(self, r, p, rho):
         """R f^4 of Monaghan 2000: f = W(r) / W(dx), R = R_i + R_j."""

@@ -63,6 +63,7 @@ class TunedCfl:
         # the continuum's nu is alpha c0 h / 8, but the shortest waves feel twice as much
         nu += alpha * scene.fluid.c0 * h / 4
         dt = 1 / (c / (self.courant * h) + nu / (scene.viscous_share * h * h))
+        dt = min(dt, scene.surface_dt)
         return Controls(dt, scene.fluid.stiffness(c), sim.nominal_controls.xsph)
 
 

@@ -100,8 +100,6 @@ def add_offset(offset, i, rho):
 @jitable
 def add_normals(tension, sources, lists, first, last, constants, x, y, nx, ny):
     """nx, ny + sum of grad W shapes between (x, y) and the listed `sources`."""
-    if sources is None:
-        return nx, ny
     zero = like(nx, 0.0)
     for k in range(first, last):
         j = neighbor(lists, k)
@@ -115,10 +113,11 @@ def add_normals(tension, sources, lists, first, last, constants, x, y, nx, ny):
 
 
 @jitable
-def store_normals(tension, fluid, i, n, walls, lists, constants):
-    """n / sqrt|n|, n the gradient of the share of space that is filled, at the group of i.
+def store_normals(tension, fluid, i, n, lists, constants):
+    """Store n / sqrt|n|, n the gradient of the share of space that the fluid fills, of a group.
 
-    Walls count as filled: a surface ends at them, and isn't drawn along them.
+    Walls do not count as fluid: none of them is wetted. Were they to count, the pull would end at
+    them, and what ends without a counterforce moves the fluid along: a drop on a plate would boil.
     """
     if tension is None:
         return
@@ -126,8 +125,6 @@ def store_normals(tension, fluid, i, n, walls, lists, constants):
     zero = like(x, 0.0)
     begin, end = fluid_range(lists, i)
     nx, ny = add_normals(tension, fluid, lists, begin, end, constants, x, y, zero, zero)
-    begin, end = wall_range(lists, i)
-    nx, ny = add_normals(tension, walls, lists, begin, end, constants, x, y, nx, ny)
     nx, ny = tension.volume_scale * nx, tension.volume_scale * ny
     inv_size = rsqrt(nx * nx + ny * ny + tension.disorder2)
     # 1 / sqrt|n|: the square root of 1 / |n|
@@ -161,7 +158,7 @@ def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
             if inside >= 0 and walled < 0:
                 walled = i + inside
             store_density(fluid, i, n, rho, model.eos)
-            store_normals(model.effects.surface_tension, fluid, i, n, walls, lists, constants)
+            store_normals(model.effects.surface_tension, fluid, i, n, lists, constants)
             i += n
     return k, walled
 

@@ -38,6 +38,7 @@ from sph_gym.solver.surface import (
     SHAPE_SCALE,
     calibrated_stress,
     inverse_weight,
+    layer_viscosity,
 )
 
 # What `viscosity_form` may be; both mean the one laminar viscosity.
@@ -195,7 +196,8 @@ def add_laminar_viscosity(effect, pair, ax, ay):
 class SurfaceTension(NamedTuple):
     """strength: K V^2 shape scale / (m^2 gradient_scale), see `surface.calibrated_stress`;
     volume_scale: V times the shape's scale; h [m]; disorder2: square of the gradient that counts
-    as none [1/m^2]; held_back: share of the pull; inv_weight: 1 / W shape(dx).
+    as none [1/m^2]; held_back: share of the pull; inv_weight: 1 / W shape(dx); friction:
+    viscosity of the layer V rho0 h shape scale / (m gradient_scale).
     """
 
     strength: float
@@ -204,26 +206,29 @@ class SurfaceTension(NamedTuple):
     disorder2: float
     held_back: float
     inv_weight: float
+    friction: float
 
 
 @effect(
     typical=lambda scene: 1e-4 * scene.fluid.rho0 * scene.fluid.c0**2 * scene.h, at_walls="never"
 )
 def surface_tension(sigma, given):
-    """sigma [N/m]: a stress along the surface, calibrated on the lattice.
+    """sigma [N/m]: a stress along the surface, calibrated on the lattice, with its own friction.
 
-    Source: Lafaurie et al. 1994; for particles Hu & Adams 2006.
+    Source: Lafaurie et al. 1994; for particles Hu & Adams 2006. Friction: see surface.py.
     """
     kernel, h, volume = given.kernel, given.h, given.mass / given.rho0
     stress = calibrated_stress(sigma, kernel, volume, given.dx)
     shape_scale = SHAPE_SCALE / h**7
+    pair_scale = volume * shape_scale / (given.mass * kernel.gradient_scale)
     return SurfaceTension(
-        stress * volume**2 * shape_scale / (given.mass**2 * kernel.gradient_scale),
+        stress * volume / given.mass * pair_scale,
         volume * shape_scale,
         h,
         (DISORDER / h) ** 2,
         HELD_BACK,
         kernel.weight_scale * inverse_weight(kernel, given.dx),
+        layer_viscosity(sigma, h, given.rho0) * given.rho0 * h * pair_scale,
     )
 
 
@@ -232,7 +237,8 @@ def add_surface_tension(effect, pair, nx_i, ny_i, nx_j, ny_j, ax, ay):
     """Divergence of K (|n| - n n / |n|), a pull along the surface; n: of the share that is filled.
 
     Given as n / sqrt|n|. Equal and opposite between two particles, but not along their line. A
-    share is held back between near neighbours, as in Monaghan 2000.
+    share is held back between near neighbours, as in Monaghan 2000. The friction of the layer,
+    nu h sum V (|n_i| + |n_j|) rho0 / (rho_i + rho_j) v.r / (r^2 + eta^2) grad W, is along it.
     """
     if effect is None:
         return ax, ay
@@ -242,9 +248,12 @@ def add_surface_tension(effect, pair, nx_i, ny_i, nx_j, ny_j, ax, ay):
     rest = maximum(effect.h - pair.r, like(pair.r, 0.0))
     near = pair.weight * effect.inv_weight
     near = near * near * (near * near)
-    pull = effect.strength * (rest * rest * rest) * (like(pair.r, 1.0) - effect.held_back * near)
-    ax = ax - pull * (size * pair.dx - nx_i * along_i - nx_j * along_j)
-    ay = ay - pull * (size * pair.dy - ny_i * along_i - ny_j * along_j)
+    slope = rest * rest * rest
+    pull = effect.strength * slope * (like(pair.r, 1.0) - effect.held_back * near)
+    parting = (pair.du * pair.dx + pair.dv * pair.dy) * pair.inv_rho_r2
+    central = (pull + effect.friction * slope * parting) * size
+    ax = ax - central * pair.dx + pull * (nx_i * along_i + nx_j * along_j)
+    ay = ay - central * pair.dy + pull * (ny_i * along_i + ny_j * along_j)
     return ax, ay
 
 

@@ -97,6 +97,7 @@ def cause(scene: Scene, dt: float, c: float, link: str, nearest: float, a_max: f
     """
     nu = scene.effects.laminar_viscosity
     too_viscous = nu is not None and dt * nu > LINEAR_VISCOUS * scene.viscous_share * scene.h**2
+    too_viscous = too_viscous or dt > LINEAR_VISCOUS * scene.surface_dt
     too_long = dt * c > LINEAR_COURANT * scene.h
     too_long_at_c0 = dt * scene.fluid.c0 > LINEAR_COURANT * scene.h
     if too_viscous or (too_long and too_long_at_c0):

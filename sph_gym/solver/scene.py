@@ -12,6 +12,7 @@ from sph_gym.solver.integrators import INTEGRATORS, VISCOUS_SHARES
 from sph_gym.solver.kernels import ALL_KERNELS, viscous_share
 from sph_gym.solver.neighbors import NARROWEST_DOMAIN
 from sph_gym.solver.state import Controls
+from sph_gym.solver.surface import FRICTION_SHARE, layer_viscosity
 from sph_gym.solver.walls import Walls
 
 # Largest h / dx: beyond it a particle has more than 30,000 neighbours, and a unit is surely wrong.
@@ -155,6 +156,15 @@ class Scene:
         It depends on h / dx and the integrator.
         """
         return VISCOUS_SHARES.get(self.integrator, 1.0) * viscous_share(self.h, self.dx)
+
+    @property
+    def surface_dt(self) -> float:
+        """The longest step [s] that the friction of a surface under tension allows, else inf."""
+        sigma = self.effects.surface_tension
+        if not sigma:
+            return math.inf
+        share = FRICTION_SHARE * VISCOUS_SHARES.get(self.integrator, 1.0)
+        return share * self.h**2 / layer_viscosity(sigma, self.h, self.fluid.rho0)
 
     def _check_walls(self) -> None:
         """Check the demands of walls, fluid and effects on each other."""

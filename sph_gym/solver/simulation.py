@@ -184,11 +184,15 @@ class Simulation:
         return self._totals.max_speed
 
     def stable_dt(self) -> float:
-        """The article's stable step [s] for the present state; see `stepping.stable_dt`."""
+        """The article's stable step [s] for the present state; see `stepping.stable_dt`.
+
+        Surface tension, which the article doesn't have, has a limit of its own.
+        """
         a_max = float(self._acceleration_sizes().max())
         nu = self.scene.effects.laminar_viscosity
         share = self.scene.viscous_share
-        return stepping.stable_dt(self.scene.h, self.sound_speed, a_max, nu, share)
+        of_article = stepping.stable_dt(self.scene.h, self.sound_speed, a_max, nu, share)
+        return min(of_article, self.scene.surface_dt)
 
     # --- time -------------------------------------------------------------------------------
 

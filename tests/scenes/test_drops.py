@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sph_gym import Simulation
+from sph_gym import Effects, Fluid, Simulation, disc
 from sph_gym.scenes import droplet as d
 from sph_gym.scenes import elliptical_drop as e
 from sph_gym.scenes import oscillating_drop as o
@@ -344,3 +344,36 @@ def test_a_ringing_droplet_is_judged_without_its_decay():
         assert found["decay"].value == pytest.approx(0.2, abs=0.005)
         seen, exact = d.REFERENCE.chart(run).curves
         assert np.allclose(seen.y, exact.y, atol=1e-3 if off == 1.0 else 0.1)
+
+
+def test_a_drop_of_water_rings_and_does_not_boil():
+    """A radius of 1 mm and an Ohnesorge number of 0.004: hardly any viscosity of its own."""
+    rho0, radius, sigma, n = 1000.0, 1e-3, 0.0728, 12
+    dx, period = radius / n, 2 * math.pi * math.sqrt(rho0 * radius**3 / (6 * sigma))
+    h = 3.3 * dx
+    scene = replace(
+        droplet(shape="ellipse"),
+        x=disc(0.0, 0.0, radius, dx),
+        v=0.2 * math.pi / period * disc(0.0, 0.0, radius, dx) * (1, -1),
+        dx=dx,
+        h=h,
+        fluid=Fluid(c0=11 * math.sqrt(sigma / (rho0 * h)), rho0=rho0, kernel="quintic_spline"),
+        effects=Effects(surface_tension=sigma, laminar_viscosity=1e-6),
+    )
+    sim = Simulation(scene, threads=1)
+    times, swings, farthest, excess = [], [], 0.0, 0.0
+    for _ in range(5 * 40):
+        assert not sim.advance(period / 40).diverged
+        a, b = semi_axes(sim.x)
+        times.append(sim.time / period)
+        swings.append(a - b)
+        farthest = max(farthest, float(np.hypot(*sim.x.T).max()) / radius)
+        excess = max(excess, sim.energy_surplus / sim.energy_at_stake)
+    ends = [
+        t for t, before, after in zip(times[1:], swings, swings[1:], strict=False)
+        if before > 0 >= after
+    ]  # fmt: skip
+    assert len(ends) == 5
+    assert (ends[-1] - ends[0]) / 4 == pytest.approx(1.0, abs=0.05)
+    assert farthest < 1.3
+    assert excess < 0.02

@@ -7,7 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 from sph_gym.solver.confinement import stroke_at
-from sph_gym.solver.density import COINCIDENT, add_weights, store_density
+from sph_gym.solver.density import COINCIDENT, add_image_weights, add_weights, store_density
 from sph_gym.solver.equation_of_state import density_at
 from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import dispatch, jit, jitable
@@ -169,6 +169,9 @@ def _like_fluid(task, i, n, begin, end, cells, model, time):
     walls, kernel, constants = cells.walls, model.kernel, model.constants
     x, y, total = load(walls.x, i), load(walls.y, i), load(cells.wall_sums, i)
     total = add_weights(None, cells.fluid, cells.lists, begin, end, kernel, constants, x, y, total)
+    total = add_image_weights(
+        model.mirrors, None, cells.fluid, cells.lists, (begin, end), model, x, y, total
+    )
     store_density(walls, i, n, constants.density_scale * total, model.eos)
 
 

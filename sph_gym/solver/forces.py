@@ -22,6 +22,7 @@ from sph_gym.solver.effects import (
     add_xsph,
 )
 from sph_gym.solver.gravity import add_gravity
+from sph_gym.solver.images import N_IMAGES, image_of, is_near, meets, turned
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import gradient, viscosity, weight
 from sph_gym.solver.lanes import broadcast, like, load, reciprocal, rsqrt, select
@@ -189,6 +190,48 @@ def add_pairs(target, sources, lists, first, last, model, effects, sums):
 
 
 @jitable
+def add_images(mirrors, target, sources, lists, part, model, effects, sums):
+    """Return sums plus everything that the images of the listed particles add to them.
+
+    part: first and last-plus-one entry of the lists.
+    """
+    if mirrors is None:
+        return sums
+    zero = like(target.x, 0.0)
+    for k in range(1, N_IMAGES):
+        image = image_of(mirrors, k, model.kernel.h, target.x, target.y)
+        if not is_near(image):
+            continue
+        u, sign_x = turned(mirrors.left, mirrors.right, k // 3, target.u)
+        v, sign_y = turned(mirrors.bottom, mirrors.top, k % 3, target.v)
+        sign_x, sign_y = like(zero, sign_x), like(zero, sign_y)
+        nx, ny = sign_x * target.nx, sign_y * target.ny
+        other = Target(image.x, image.y, u, v, target.rho, target.stress, nx, ny)
+        seen = Sums(zero, zero, zero, zero, zero, zero, zero)
+        for q in range(part[0], part[1]):
+            if meets(image, sources, neighbor(lists, q)):
+                seen = add_pairs(other, sources, lists, q, q + 1, model, effects, seen)
+        sums = Sums(
+            sums.ax + sign_x * seen.ax,
+            sums.ay + sign_y * seen.ay,
+            sums.sx + sign_x * seen.sx,
+            sums.sy + sign_y * seen.sy,
+            sums.growth + seen.growth,
+            sums.cx + sign_x * seen.cx,
+            sums.cy + sign_y * seen.cy,
+        )
+    return sums
+
+
+@jitable
+def add_wall_images(mirrors, walls, target, lists, part, model, sums):
+    """Return sums plus everything that the images of boundary particles add to them."""
+    if walls is None:
+        return sums
+    return add_images(mirrors, target, walls, lists, part, model, model.wall_effects, sums)
+
+
+@jitable
 def pair_sums(i, fluid, walls, lists, model):
     """Return the sums of the group that begins with fluid particle i, over fluid and walls."""
     x = load(fluid.x, i)
@@ -207,7 +250,10 @@ def pair_sums(i, fluid, walls, lists, model):
     begin, end = fluid_range(lists, i)
     sums = add_pairs(target, fluid, lists, begin, end, model, model.effects, sums)
     begin, end = wall_range(lists, i)
-    return add_pairs(target, walls, lists, begin, end, model, model.wall_effects, sums)
+    sums = add_pairs(target, walls, lists, begin, end, model, model.wall_effects, sums)
+    sums = add_wall_images(model.mirrors, walls, target, lists, (begin, end), model, sums)
+    part, effects = fluid_range(lists, i), model.image_effects
+    return add_images(model.mirrors, target, fluid, lists, part, model, effects, sums)
 
 
 # --- Single particles -----------------------------------------------------------------------

@@ -39,7 +39,7 @@ class Fluid:
     c0: float
     rho0: float = 1000.0
     gamma: float = 7.0
-    kernel: str = "mueller"
+    kernel: str = "wendland_c2"
     eos: str = "tait"
     clamp: bool = True
 

@@ -205,6 +205,24 @@ class Walls:
         """True if space closes upon itself in any direction."""
         return self.period_x is not None or self.period_y is not None
 
+    def mirrored_sides(self, h: float) -> tuple[float, ...] | None:
+        """Return the sides of the box [m] that no boundary particle stands for; None if none.
+
+        x_min, x_max, y_min, y_max, infinite where one stands within h [m] behind the side.
+        """
+        if self.box is None:
+            return None
+        sides = np.array(self.box)
+        if self.particles is not None:
+            x, low, high = np.asarray(self.particles), sides[::2], sides[1::2]
+            within = (x > low) & (x < high)
+            for axis in range(2):
+                beside = x[within[:, 1 - axis], axis]
+                for k, beyond in ((0, low[axis] - beside), (1, beside - high[axis])):
+                    if ((beyond > 0) & (beyond < h)).any():
+                        sides[2 * axis + k] = (-1, 1)[k] * math.inf
+        return tuple(sides.tolist()) if np.isfinite(sides).any() else None
+
     def has_unbacked(self, dx: float, h: float) -> bool:
         """Return whether any particle, dx [m] apart, has neither a plate nor the box before it.
 

@@ -1,5 +1,6 @@
 """`Simulation`: a running solver in the hands of a Python user."""
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -7,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver import diagnostics, failure, stepping, teams
+from sph_gym.solver import diagnostics, failure, hydrostatics, stepping, teams
 from sph_gym.solver.checks import known, positive, whole
 from sph_gym.solver.diagnostics import ALL, Request
 from sph_gym.solver.energy import GravityWork, make_ledger
@@ -106,9 +107,15 @@ class Simulation:
         self._origin = origin(scene, self._float)
         self._shift: tuple[float, float] = tuple(self._origin.tolist())
         self._local = moved(scene, -self._origin)
+        if scene.hydrostatic and not scene.effects.continuity:
+            pressed = hydrostatics.places(self._local, self._controls.stiffness)
+            self._local = dataclasses.replace(self._local, x=pressed)
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
         self._check_densities()
         self._acceleration: tuple[Any, Any] | None = None
+        if scene.hydrostatic:
+            hydrostatics.settle(self.engine, self._local, self.stable_dt())
+            self._acceleration = None
         self._underway: _Underway | None = None
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()

@@ -5,6 +5,7 @@ and its `Controls` are only read for their numbers. Arrays over pairs have shape
 particles first, then wall particles; `h` is the support radius.
 """
 
+import copy
 from itertools import product
 from typing import NamedTuple
 
@@ -295,6 +296,10 @@ class Naive:
         has_wall_particles = walls is not None and walls.particles is not None
         self.wall_x = np.array(walls.particles) if has_wall_particles else np.empty((0, 2))
         self.extrapolates = has_wall_particles and walls.pressure == "extrapolated"
+        # pairs of particles that don't see each other
+        self.unseen = None
+        # whether sides of the box mirror the fluid; no twin of boundary particles beside such sides
+        self.mirrors = walls is not None and walls.box is not None and not has_wall_particles
 
     # --- walls ------------------------------------------------------------------------------
 
@@ -333,17 +338,60 @@ class Naive:
     def offsets(self, x, time=0.0):
         """x_i - x_j (n, n, 2) [m] to the nearest image and their lengths (n, n) [m], walls too."""
         everybody = np.concatenate([x, self.boundary(time)[0]])
-        offset = everybody[:, None] - everybody[None, :]
+        offset = self.nearest(everybody[:, None] - everybody[None, :])
+        if self.unseen is not None:
+            offset[self.unseen] = 1e6
+        return offset, np.hypot(offset[..., 0], offset[..., 1])
+
+    def nearest(self, offset):
+        """Offsets to the nearest image in periodic directions."""
         for axis, low, high in self.periods:
             offset[..., axis] -= (high - low) * np.round(offset[..., axis] / (high - low))
-        return offset, np.hypot(offset[..., 0], offset[..., 1])
+        return offset
+
+    def sides(self, time):
+        """(low, high, speed of low, speed of high) of the box in x and in y [m], [m/s]."""
+        walls = self.scene.walls
+        shift, velocity, _ = self.stroke(time)
+        for axis, names in enumerate((("left", "right"), ("bottom", "top"))):
+            moving = [walls.motion is not None and name in walls.motion.sides for name in names]
+            yield (
+                *(walls.box[2 * axis + k] + moving[k] * shift[axis] for k in range(2)),
+                *(moving[k] * velocity[axis] for k in range(2)),
+            )
+
+    def images(self, x, v, time):
+        """Positions and velocities (n, 2) of every image behind sides and corners of the box.
+
+        And which particles are outside themselves: they have none, and see none.
+        """
+        places = []
+        for low, high, slow, fast in self.sides(time) if self.mirrors else []:
+            places.append([(1, 0, 0), (-1, 2 * low, 2 * slow), (-1, 2 * high, 2 * fast)])
+        for pair in list(product(*places))[1:] if places else []:
+            sign, shift, speed = (np.array(each) for each in zip(*pair, strict=True))
+            if not np.isfinite(shift).all():
+                continue
+            x_image, v_image = sign * x + shift, sign * v + speed
+            inwards = np.sign(np.median(x, axis=0) - shift / 2)
+            outside = ((sign < 0) & (inwards * (x - shift / 2) < 0)).any(axis=1)
+            x_image[outside] = 1e6
+            yield x_image, v_image, outside
 
     # --- densities and pressures ------------------------------------------------------------
 
     def density(self, x, time=0.0):
         """(n,) [kg/m^3], fluid and walls, by sums; every particle counts itself."""
-        _, r = self.offsets(x, time)
-        return self.mass * self.kernel.density(r, self.h).sum(axis=1)
+        return self.mass * self.total(self.kernel.density, x, time)
+
+    def total(self, shape, x, time):
+        """(n,) sums of a shape over all particles and images."""
+        total = shape(self.offsets(x, time)[1], self.h).sum(axis=1)
+        for image, _, outside in self.images(x, x, time):
+            offset = self.nearest(x[:, None] - image[None, :])
+            offset[outside] = 1e6
+            total += shape(np.hypot(offset[..., 0], offset[..., 1]), self.h).sum(axis=1)
+        return total
 
     def pressure(self, rho):
         """(n,) [Pa]: B ((rho / rho0)^gamma - 1), cut off at zero if the fluid is clamped."""
@@ -391,6 +439,9 @@ class Naive:
 
     def rates(self, x, v, time=0.0, rho=None):
         """All that changes a state."""
+        images = list(self.images(x, v, time))
+        if images:
+            return self.rates_among(images, x, v, time, rho)
         n, h, effects, m = len(x), self.h, self.scene.effects, self.mass
         c0, walls = self.scene.fluid.c0, self.scene.walls
         offset, r = self.offsets(x, time)
@@ -440,6 +491,21 @@ class Naive:
             self.smoothing(v, r, mean_rho) + self.shift(grad, mean_rho),
             self.growth(rho, offset, r, slope, mean_rho),
         )
+
+    def rates_among(self, images, x, v, time, rho):
+        """The same with images as further fluid, which has the densities of the particles."""
+        rho = self.density(x, time) if rho is None else rho
+        alone, n = copy.copy(self), len(x)
+        alone.mirrors = False
+        alone.unseen = np.zeros((n * (1 + len(images)),) * 2, bool)
+        for k, (_, _, outside) in enumerate(images):
+            alone.unseen[:n][outside, n * (k + 1) : n * (k + 2)] = True
+        nobody = np.zeros(n, bool)
+        everybody = [np.concatenate(e) for e in zip((x, v, nobody), *images, strict=True)][:2]
+        all_rates = alone.rates(*everybody, time, np.tile(rho, 1 + len(images)))
+        alone.unseen = None
+        growth = alone.rates(x, v, time, rho).growth
+        return Rates(all_rates.a[: len(x)], all_rates.drift[: len(x)], growth)
 
     def tensile(self, r, p, rho):
         """R f^4 of Monaghan 2000: f = W(r) / W(dx), R = R_i + R_j."""
@@ -491,11 +557,13 @@ class Naive:
 
         Its time derivative is the continuity equation's sum m v_ij . grad W.
         """
-        r = self.offsets(x, time)[1][: len(x)]
+        shape = self.kernel.density
         if self.kernel is KERNELS["mueller"]:
             # the integral of the spiky slope
-            return self.mass * (-self.kernel.slope(r, self.h) * (self.h - r) / 3).sum(axis=1)
-        return self.mass * self.kernel.density(r, self.h).sum(axis=1)
+            def shape(r, h):
+                return -self.kernel.slope(r, h) * (h - r) / 3
+
+        return self.mass * self.total(shape, x, time)[: len(x)]
 
     def grown(self, rho, x, time, new_x, new_time, diffused):
         """Densities by continuity at new positions: what the sum has gained, and diffusion."""
@@ -585,13 +653,11 @@ class Naive:
         walls = self.scene.walls
         if walls is None or walls.box is None:
             return x, v
-        x, v = x.copy(), v.copy()
-        shift, velocity, _ = self.stroke(time)
+        x, v, sides = x.copy(), v.copy(), list(self.sides(time))
         for i, axis in product(range(len(x)), range(2)):
-            names = (("left", "right"), ("bottom", "top"))[axis]
-            moving = [walls.motion is not None and name in walls.motion.sides for name in names]
-            low, high = (walls.box[2 * axis + k] + moving[k] * shift[axis] for k in range(2))
-            slow, fast = (moving[k] * velocity[axis] for k in range(2))
+            low, high, slow, fast = sides[axis]
+            if self.mirrors:
+                low, high = low + 0.1 * self.scene.dx, high - 0.1 * self.scene.dx
             if x[i, axis] < low:
                 x[i, axis] = low
                 v[i, axis] = max(v[i, axis], slow - walls.restitution * (v[i, axis] - slow))

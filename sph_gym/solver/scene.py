@@ -192,7 +192,6 @@ class Scene:
                     f"{place.min():g} to {place.max():g}"
                 )
 
-
     def _check_hydrostatic(self) -> None:
         """Check that there is weight, and something that it may rest on."""
         if not isinstance(self.hydrostatic, bool):

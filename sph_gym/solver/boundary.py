@@ -180,6 +180,9 @@ def _own_sums(task, i, n, begin, end, cells, model, time):
     walls, kernel, constants = cells.walls, model.kernel, model.constants
     x, y = load(walls.x, i), load(walls.y, i)
     total = add_weights(None, walls, cells.lists, begin, end, kernel, constants, x, y, like(x, 0.0))
+    total = add_image_weights(
+        model.mirrors, None, walls, cells.lists, (begin, end), model, x, y, total
+    )
     store(cells.wall_sums, i, total, n)
 
 
@@ -247,16 +250,19 @@ def mirror(ghost, own, i, n, inv_weight, total):
 
 
 @jit
-def sum_walls(walls, everyone, sums, kernel, constants):
+def sum_walls(walls, everyone, sums, model):
     """Fill `sums` with kernel sums of boundary particles over each other, all with all.
 
     everyone: lists whose entries are all boundary particles.
     """
-    i, n_walls = 0, walls.id.size
+    i, n_walls, kernel, constants = 0, walls.id.size, model.kernel, model.constants
     while i < n_walls:
         x, y = load(walls.x, i), load(walls.y, i)
         total = like(x, 0.0)
         total = add_weights(None, walls, everyone, 0, n_walls, kernel, constants, x, y, total)
+        total = add_image_weights(
+            model.mirrors, None, walls, everyone, (0, n_walls), model, x, y, total
+        )
         n = min(width(sums), n_walls - i)
         store(sums, i, total, n)
         i += n

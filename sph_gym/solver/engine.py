@@ -117,7 +117,7 @@ class Engine:
         sums = column(walls.id.size, self.dtype)
         if self.model.extrapolation is None:
             everyone = Lists(np.arange(walls.id.size, dtype=np.int32), np.zeros(0, np.int64))
-            boundary.sum_walls(walls, everyone, sums, self.model.kernel, self.model.constants)
+            boundary.sum_walls(walls, everyone, sums, self.model)
         scene_walls = self._scene.walls
         if scene_walls is None or scene_walls.motion is None:
             return WallSource(walls, None, None, sums)

@@ -5,7 +5,17 @@ follow the continuity equation.
 """
 
 from sph_gym.solver.equation_of_state import pressure
-from sph_gym.solver.images import N_IMAGES, image_of, is_near, meets, turned
+from sph_gym.solver.images import (
+    HIDDEN,
+    N_IMAGES,
+    image_of,
+    is_at_pane,
+    is_near,
+    meets,
+    mirror_matrix,
+    through_pane,
+    turned,
+)
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import primitive, weight
 from sph_gym.solver.lanes import (
@@ -94,6 +104,28 @@ def add_image_weights(mirrors, continuity, sources, lists, part, model, x, y, to
 
 
 @jitable
+def add_pane_weights(panes, continuity, fluid, lists, part, model, x, y, total):
+    """Return total plus what plates add to the sum of shapes, less what they hide."""
+    if panes is None:
+        return total
+    kernel, constants = model.kernel, model.constants
+    for k in range(panes.x.size):
+        if not is_at_pane(panes, k, x, y):
+            continue
+        for what in range(2):
+            share = like(x, 0.0)
+            for q in range(part[0], part[1]):
+                j = neighbor(lists, q)
+                acts, px, py = through_pane(panes, k, what, x, y, fluid.x[j], fluid.y[j])
+                if acts:
+                    share = add_weights(
+                        continuity, fluid, lists, q, q + 1, kernel, constants, px, py, share
+                    )
+            total = total - share if what == HIDDEN else total + share
+    return total
+
+
+@jitable
 def add_wall_images(mirrors, walls, continuity, lists, part, model, x, y, total):
     """Return total plus the shapes between (x, y) and the images of boundary particles."""
     if walls is None:
@@ -121,6 +153,7 @@ def density(continuity, fluid, i, walls, lists, model):
     total = add_wall_images(mirrors, walls, continuity, lists, part, model, x, y, total)
     part = fluid_range(lists, i)
     total = add_image_weights(mirrors, continuity, fluid, lists, part, model, x, y, total)
+    total = add_pane_weights(model.panes, continuity, fluid, lists, part, model, x, y, total)
     return add_offset(fluid.offset, i, scale * total), of_walls
 
 
@@ -173,7 +206,31 @@ def add_image_normals(mirrors, tension, fluid, i, lists, constants, nx, ny):
 
 
 @jitable
-def store_normals(tension, mirrors, fluid, i, n, walls, lists, constants):
+def add_pane_normals(panes, tension, fluid, i, lists, constants, nx, ny):
+    """nx, ny + sum of grad W shapes that plates add, less those that they hide."""
+    if panes is None:
+        return nx, ny
+    x, y = load(fluid.x, i), load(fluid.y, i)
+    zero, (begin, end) = like(x, 0.0), fluid_range(lists, i)
+    for k in range(panes.x.size):
+        if not is_at_pane(panes, k, x, y):
+            continue
+        for what in range(2):
+            ox, oy = zero, zero
+            for q in range(begin, end):
+                j = neighbor(lists, q)
+                acts, px, py = through_pane(panes, k, what, x, y, fluid.x[j], fluid.y[j])
+                if acts:
+                    ox, oy = add_normals(tension, fluid, lists, q, q + 1, constants, px, py, ox, oy)
+            sign = like(zero, -1.0 if what == HIDDEN else 1.0)
+            xx, xy, yy = mirror_matrix(panes, k, what)
+            nx = nx + sign * (like(zero, xx) * ox + like(zero, xy) * oy)
+            ny = ny + sign * (like(zero, xy) * ox + like(zero, yy) * oy)
+    return nx, ny
+
+
+@jitable
+def store_normals(tension, mirrors, panes, fluid, i, n, walls, lists, constants):
     """n / sqrt|n|, n the gradient of the share of space that is filled, at the group of i.
 
     Walls count as filled: a surface ends at them, and isn't drawn along them.
@@ -187,6 +244,7 @@ def store_normals(tension, mirrors, fluid, i, n, walls, lists, constants):
     begin, end = wall_range(lists, i)
     nx, ny = add_normals(tension, walls, lists, begin, end, constants, x, y, nx, ny)
     nx, ny = add_image_normals(mirrors, tension, fluid, i, lists, constants, nx, ny)
+    nx, ny = add_pane_normals(panes, tension, fluid, i, lists, constants, nx, ny)
     nx, ny = tension.volume_scale * nx, tension.volume_scale * ny
     inv_size = rsqrt(nx * nx + ny * ny + tension.disorder2)
     # 1 / sqrt|n|: the square root of 1 / |n|
@@ -219,7 +277,15 @@ def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
                 walled = i + inside
             store_density(fluid, i, n, rho, model.eos)
             store_normals(
-                model.effects.surface_tension, model.mirrors, fluid, i, n, walls, lists, constants
+                model.effects.surface_tension,
+                model.mirrors,
+                model.panes,
+                fluid,
+                i,
+                n,
+                walls,
+                lists,
+                constants,
             )
             i += n
     return k, walled

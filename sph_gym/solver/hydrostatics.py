@@ -15,7 +15,7 @@ from sph_gym.solver.state import Floats
 # Steps after which the fluid is stopped, so that short waves and then long ones come to rest; and
 # the share of dx that a particle may move meanwhile.
 SETTLING = 3 * (2, 4, 8, 16, 32)
-FARTHEST = 0.25
+FARTHEST = 0.5
 # Share of dx: a gap in a column of particles beyond which another column begins.
 GAP = 1.5
 

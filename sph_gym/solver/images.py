@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from sph_gym.solver.confinement import Box, moved_box
 from sph_gym.solver.jit import jitable
-from sph_gym.solver.lanes import highest, like, lowest, replaced, select
+from sph_gym.solver.lanes import highest, like, lowest, minimum, replaced, select
 
 # Images of a particle are numbered 3 k + l: k tells its place in x, itself, behind the lower or
 # behind the upper side; l that in y. Number 0 is the particle.
@@ -106,3 +106,103 @@ def make_mirrors(sides: tuple[float, ...] | None, number: Any) -> Box | None:
     if sides is None:
         return None
     return Box(*(number(side) for side in (*sides, *[0.0] * 5)))
+
+
+# --- Plates ---------------------------------------------------------------------------------
+
+
+class Panes(NamedTuple):
+    """Plates that mirror the fluid on both sides and hide one side from the other, and corners.
+
+    x, y: (n,) a point of each [m]; nx, ny: its normal; low, high: its ends along (-ny, nx), seen
+    from that point [m]; corner: 1 for a corner where two of them meet at right angles, the fluid
+    being where both coordinates are positive, else 0; h: support radius [m].
+    """
+
+    x: Any
+    y: Any
+    nx: Any
+    ny: Any
+    low: Any
+    high: Any
+    corner: Any
+    h: float
+
+
+# What a plate does to a pair: it adds the image of the other, or hides the other itself.
+ADDED, HIDDEN = range(2)
+
+
+@jitable
+def before_pane(panes, k, x, y):
+    """Return the distance from plate k [m], negative on its far side, and the place along it."""
+    dx, dy = x - like(x, panes.x[k]), y - like(y, panes.y[k])
+    nx, ny = like(x, panes.nx[k]), like(x, panes.ny[k])
+    return dx * nx + dy * ny, dy * nx - dx * ny
+
+
+@jitable
+def is_at_pane(panes, k, x, y):
+    """Return whether a group at x, y [m] may see its images in plate k."""
+    s, along = before_pane(panes, k, x, y)
+    h = float(panes.h)
+    low, high = float(panes.low[k]) - h, float(panes.high[k]) + h
+    return float(lowest(abs(s))) < h and float(lowest(along)) < high and float(highest(along)) > low
+
+
+@jitable
+def crosses(panes, k, s, along, s_j, along_j):
+    """Return 1 where the straight way from s, along to the other place meets plate k, else 0.
+
+    Seen as if both were on different sides; the way to an image meets it at the same point.
+    """
+    zero, one = like(s, 0.0), like(s, 1.0)
+    a, b = abs(s), abs(s_j)
+    meeting, total = along * b + along_j * a, a + b
+    missed = select(meeting < like(s, panes.low[k]) * total, one, zero)
+    return select(meeting > like(s, panes.high[k]) * total, zero, one - missed)
+
+
+@jitable
+def through_pane(panes, k, what, x, y, x_j, y_j):
+    """Return whether plate k adds or hides anything, and from where particle j has to be seen.
+
+    what: ADDED, for which a group at x, y [m] is mirrored, or HIDDEN. Lanes that nothing happens
+    to are out of reach.
+    """
+    zero, one = like(x, 0.0), like(x, 1.0)
+    s, along = before_pane(panes, k, x, y)
+    s_j, along_j = before_pane(panes, k, like(x, x_j), like(x, y_j))
+    opposite = select(s * s_j < zero, one, zero)
+    acts = crosses(panes, k, s, along, s_j, along_j)
+    corner = like(x, panes.corner[k])
+    if what == ADDED:
+        # in a corner both of both are inside
+        within = select(minimum(minimum(s, s_j), minimum(along, along_j)) < zero, zero, one)
+        acts = acts * (one - opposite) * (one - corner * (one - within))
+        nx, ny = like(x, panes.nx[k]), like(x, panes.ny[k])
+        twice, turned_along = s + s, corner * (along + along)
+        x, y = x - twice * nx + turned_along * ny, y - twice * ny - turned_along * nx
+    else:
+        acts = acts * opposite * (one - corner)
+        for q in range(k):
+            # what an earlier plate hides is hidden once
+            s, along = before_pane(panes, q, x, y)
+            s_q, along_q = before_pane(panes, q, like(x, x_j), like(x, y_j))
+            before = select(s * s_q < zero, one - like(x, panes.corner[q]), zero)
+            acts = acts * (one - before * crosses(panes, q, s, along, s_q, along_q))
+    out = like(x, panes.h) * like(x, 4.0)
+    return float(highest(acts)) > 0.5, x + (one - acts) * out, y
+
+
+@jitable
+def mirror_matrix(panes, k, what):
+    """Return xx, xy and yy of the matrix that turns vectors as `through_pane` turns places."""
+    if what == HIDDEN:
+        return 1.0, 0.0, 1.0
+    nx, ny, corner = float(panes.nx[k]), float(panes.ny[k]), float(panes.corner[k])
+    return (
+        1.0 - 2.0 * nx * nx - 2.0 * corner * ny * ny,
+        -2.0 * (1.0 - corner) * nx * ny,
+        1.0 - 2.0 * ny * ny - 2.0 * corner * nx * nx,
+    )

@@ -113,7 +113,7 @@ class Simulation:
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
         self._check_densities()
         self._acceleration: tuple[Any, Any] | None = None
-        if scene.hydrostatic:
+        if scene.hydrostatic and not scene.effects.continuity:
             hydrostatics.settle(self.engine, self._local, self.stable_dt())
             self._acceleration = None
         self._underway: _Underway | None = None

@@ -1,0 +1,119 @@
+"""Which plates mirror the fluid, and the corners between them."""
+
+import math
+from itertools import combinations, product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sph_gym.solver.images import Panes
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.state import Floats
+
+# Largest cosine of the angle of two plates that count as perpendicular.
+SQUARE = 1e-6
+
+
+class Pane(NamedTuple):
+    """A straight wall from `begin` along the unit vector `along` (2,) for `length` [m]."""
+
+    begin: Floats
+    along: Floats
+    length: float
+
+    @property
+    def normal(self) -> Floats:
+        """The unit vector to the right of `along`."""
+        return np.array([self.along[1], -self.along[0]])
+
+    def place(self, x: Floats) -> tuple[Any, Any]:
+        """Return distances of points (n, 2) from its line [m], with a sign, and places along it."""
+        return (x - self.begin) @ self.normal, (x - self.begin) @ self.along
+
+
+def panes_of(scene: Scene) -> list[Pane]:
+    """Return the plates that mirror the fluid.
+
+    Not those that the fluid lies on both sides of at the start, which it fills up itself; nor those
+    before boundary particles or beside a side of the box; and none in periodic space.
+    """
+    walls = scene.walls
+    if walls is None or walls.plates is None or walls.is_periodic:
+        return []
+    found = []
+    for x0, y0, x1, y1 in np.asarray(walls.plates).tolist():
+        length = math.hypot(x1 - x0, y1 - y0)
+        along = np.array([x1 - x0, y1 - y0]) / length
+        found.append(Pane(np.array([x0, y0]), along, length))
+    return [pane for pane in found if _mirrors(pane, scene)]
+
+
+def _mirrors(pane: Pane, scene: Scene) -> bool:
+    walls, h = scene.walls, scene.h
+    assert walls is not None
+    distance, along = pane.place(np.asarray(scene.x))
+    beside = distance[(np.abs(distance) < h) & (along > 0) & (along < pane.length)]
+    if len(beside) and beside.min() < 0 < beside.max():
+        return False
+    if walls.particles is not None:
+        distance, along = pane.place(np.asarray(walls.particles))
+        if ((np.abs(distance) < h) & (along > 0) & (along < pane.length)).any():
+            return False
+    return all(
+        abs(pane.along @ side.along) < 1 - SQUARE or abs(float(side.place(pane.begin)[0])) > h
+        for side in _sides(scene)
+    )
+
+
+def _sides(scene: Scene) -> list[Pane]:
+    """Return the sides of the box that stand still and mirror the fluid."""
+    walls = scene.walls
+    places = None if walls is None else walls.mirrored_sides(scene.h)
+    if walls is None or places is None:
+        return []
+    moving = () if walls.motion is None else walls.motion.sides
+    found = []
+    for k, (name, place) in enumerate(zip(("left", "right", "bottom", "top"), places, strict=True)):
+        if math.isfinite(place) and name not in moving:
+            along, other = np.roll((0.0, 1.0), k // 2), k // 2 * 2
+            ends = np.clip(np.roll(walls.box, other)[2:], -1e6 * scene.h, 1e6 * scene.h)
+            begin = np.roll((place, ends[0]), k // 2)
+            found.append(Pane(begin, along, float(ends[1] - ends[0])))
+    return found
+
+
+def _corners(one: Pane, other: Pane, dx: float) -> list[tuple[Floats, Floats, Floats]]:
+    """Return corners of two panes: the point, and the inward normals of both walls."""
+    if abs(one.along @ other.along) > SQUARE:
+        return []
+    # the foot of one pane's line on the other's
+    _, on_one = one.place(other.begin)
+    point = one.begin + on_one * one.along
+    _, on_other = other.place(point)
+    found = []
+    for sign, other_sign in product((1.0, -1.0), repeat=2):
+        # both walls must go on from the point
+        room = on_one if sign < 0 else one.length - on_one
+        other_room = on_other if other_sign < 0 else other.length - on_other
+        meets = -dx < on_one < one.length + dx and -dx < on_other < other.length + dx
+        if meets and min(room, other_room) > dx:
+            found.append((point, other_sign * other.along, sign * one.along))
+    return found
+
+
+def make_panes(scene: Scene, number: Any) -> Panes | None:
+    """Return the numbers of all plates that mirror the fluid and of their corners; None if none."""
+    plates = panes_of(scene)
+    if not plates:
+        return None
+    rows = [(*pane.begin, *pane.normal, 0.0, pane.length, 0.0) for pane in plates]
+    pairs = [*combinations(plates, 2), *product(plates, _sides(scene))]
+    far = 1e6 * scene.h
+    for one, other in pairs:
+        for point, normal, along in _corners(one, other, scene.dx):
+            # places along a pane are counted along (-ny, nx)
+            if normal[0] * along[1] - normal[1] * along[0] < 0:
+                normal = along
+            rows.append((*point, *normal, -far, far, 1.0))
+    columns: list[Any] = [np.ascontiguousarray(c) for c in np.array(rows).T.astype(number)]
+    return Panes(*columns, h=number(scene.h))

@@ -258,6 +258,22 @@ def calibrated_surface(sigma, kernel, h, dx, volume):
     return sigma / tension
 
 
+# --- Plates -----------------------------------------------------------------------------------
+
+
+def cross(x, y, plate):
+    """(n, m) whether the straight way from x (n, 2) to y (m, 2) crosses a plate."""
+
+    def turn(a, b, c):
+        return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (
+            c[..., 0] - a[..., 0]
+        )
+
+    x, y, begin, end = x[:, None], y[None, :], plate[:2], plate[2:]
+    parted = turn(begin, end, x) * turn(begin, end, y) < 0
+    return parted & (turn(x, y, begin) * turn(x, y, end) <= 0)
+
+
 # --- The solver -----------------------------------------------------------------------------
 
 
@@ -296,6 +312,16 @@ class Naive:
         has_wall_particles = walls is not None and walls.particles is not None
         self.wall_x = np.array(walls.particles) if has_wall_particles else np.empty((0, 2))
         self.extrapolates = has_wall_particles and walls.pressure == "extrapolated"
+        # plates that mirror: those without fluid on both sides
+        self.panes = []
+        for plate in [] if walls is None or walls.plates is None else np.asarray(walls.plates):
+            along = (plate[2:] - plate[:2]) / np.hypot(*(plate[2:] - plate[:2]))
+            offset = np.array(scene.x) - plate[:2]
+            place, length = offset @ along, np.hypot(*(plate[2:] - plate[:2]))
+            distance = (offset @ [-along[1], along[0]])[(place > 0) & (place < length)]
+            near = distance[np.abs(distance) < scene.h]
+            if not ((near > 0).any() and (near < 0).any()) and not self.periods:
+                self.panes.append(plate)
         # pairs of particles that don't see each other
         self.unseen = None
         # whether sides of the box mirror the fluid; no twin of boundary particles beside such sides
@@ -341,6 +367,8 @@ class Naive:
         offset = self.nearest(everybody[:, None] - everybody[None, :])
         if self.unseen is not None:
             offset[self.unseen] = 1e6
+        n = len(x)
+        offset[:n, :n][self.hidden(x)] = 1e6
         return offset, np.hypot(offset[..., 0], offset[..., 1])
 
     def nearest(self, offset):
@@ -363,7 +391,8 @@ class Naive:
     def images(self, x, v, time):
         """Positions and velocities (n, 2) of every image behind sides and corners of the box.
 
-        And which particles are outside themselves: they have none, and see none.
+        And images in plates; and (n, n) which particles don't see whose image: those outside
+        neither have any nor see any, and through a plate one must look at it.
         """
         places = []
         for low, high, slow, fast in self.sides(time) if self.mirrors else []:
@@ -375,8 +404,18 @@ class Naive:
             x_image, v_image = sign * x + shift, sign * v + speed
             inwards = np.sign(np.median(x, axis=0) - shift / 2)
             outside = ((sign < 0) & (inwards * (x - shift / 2) < 0)).any(axis=1)
-            x_image[outside] = 1e6
-            yield x_image, v_image, outside
+            yield x_image, v_image, outside[:, None] | outside[None, :]
+        for plate in self.panes:
+            along = (plate[2:] - plate[:2]) / np.hypot(*(plate[2:] - plate[:2]))
+            matrix = 2 * np.outer(along, along) - np.eye(2)
+            x_image = plate[:2] + (x - plate[:2]) @ matrix
+            yield x_image, v @ matrix, ~cross(x, x_image, plate)
+
+    def hidden(self, x):
+        """(n, n) whether a plate that mirrors is between two particles."""
+        return np.any(
+            [np.zeros((len(x),) * 2, bool), *(cross(x, x, p) for p in self.panes)], axis=0
+        )
 
     # --- densities and pressures ------------------------------------------------------------
 
@@ -387,9 +426,9 @@ class Naive:
     def total(self, shape, x, time):
         """(n,) sums of a shape over all particles and images."""
         total = shape(self.offsets(x, time)[1], self.h).sum(axis=1)
-        for image, _, outside in self.images(x, x, time):
+        for image, _, unseen in self.images(x, x, time):
             offset = self.nearest(x[:, None] - image[None, :])
-            offset[outside] = 1e6
+            offset[unseen] = 1e6
             total += shape(np.hypot(offset[..., 0], offset[..., 1]), self.h).sum(axis=1)
         return total
 
@@ -496,12 +535,11 @@ class Naive:
         """The same with images as further fluid, which has the densities of the particles."""
         rho = self.density(x, time) if rho is None else rho
         alone, n = copy.copy(self), len(x)
-        alone.mirrors = False
+        alone.mirrors, alone.panes = False, []
         alone.unseen = np.zeros((n * (1 + len(images)),) * 2, bool)
-        for k, (_, _, outside) in enumerate(images):
-            alone.unseen[:n][outside, n * (k + 1) : n * (k + 2)] = True
-        nobody = np.zeros(n, bool)
-        everybody = [np.concatenate(e) for e in zip((x, v, nobody), *images, strict=True)][:2]
+        alone.unseen[:n] = np.concatenate([self.hidden(x), *(each[2] for each in images)], axis=1)
+        moving = [each[:2] for each in images]
+        everybody = [np.concatenate(each) for each in zip((x, v), *moving, strict=True)]
         all_rates = alone.rates(*everybody, time, np.tile(rho, 1 + len(images)))
         alone.unseen = None
         growth = alone.rates(x, v, time, rho).growth

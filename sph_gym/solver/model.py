@@ -17,7 +17,7 @@ from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import ALL_KERNELS, calibrated_mass, weight
 from sph_gym.solver.lanes import like, replaced
 from sph_gym.solver.neighbors import WIDEST_GROUP
-from sph_gym.solver.panes import make_panes, panes_of
+from sph_gym.solver.panes import make_panes
 from sph_gym.solver.periodic import Period, make_period
 from sph_gym.solver.registry import Given
 from sph_gym.solver.scene import Scene
@@ -98,7 +98,7 @@ def make_model(scene: Scene, mass: float, number: Any, brute: bool) -> Model:
             _box(scene, number),
             make_mirrors(None if walls is None else walls.mirrored_sides(scene.h), number),
             make_panes(scene, number),
-            _plates(walls, FREEBOARD * scene.dx if panes_of(scene) else SKIN * scene.dx, number),
+            _plates(walls, scene.dx, number),
             _unbacked_walls(scene, number),
             _extrapolation(scene, number),
             None if walls is None or walls.motion is None else walls.motion.stroke(),
@@ -183,7 +183,7 @@ def _box(scene: Scene, number: Any) -> Box | None:
     return Box(*(number(side) for side in (*sides, walls.restitution, *[0.0] * 4)))
 
 
-def _plates(walls: Walls | None, skin: float, number: Any) -> Plates | None:
+def _plates(walls: Walls | None, dx: float, number: Any) -> Plates | None:
     if walls is None or walls.plates is None:
         return None
     shifts = [
@@ -195,7 +195,7 @@ def _plates(walls: Walls | None, skin: float, number: Any) -> Plates | None:
     images = [plates + np.array([x, y, x, y]) for x, y in product(*shifts)]
     ends = np.concatenate(images).astype(number)
     x0, y0, x1, y1 = (np.ascontiguousarray(column) for column in ends.T)
-    return Plates(x0, y0, x1, y1, float(walls.restitution), finite("skin", skin))
+    return Plates(x0, y0, x1, y1, float(walls.restitution), finite("skin", SKIN * dx))
 
 
 def _unbacked_walls(scene: Scene, number: Any) -> UnbackedWalls | None:

@@ -9,9 +9,12 @@ import numpy as np
 from sph_gym.solver.images import Panes
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Floats
+from sph_gym.solver.walls import SIDES
 
 # Largest cosine of the angle of two plates that count as perpendicular.
 SQUARE = 1e-6
+# Support radii: as good as infinite.
+FAR = 1e6
 
 
 class Pane(NamedTuple):
@@ -40,12 +43,8 @@ def panes_of(scene: Scene) -> list[Pane]:
     walls = scene.walls
     if walls is None or walls.plates is None or walls.is_periodic:
         return []
-    found = []
-    for x0, y0, x1, y1 in np.asarray(walls.plates).tolist():
-        length = math.hypot(x1 - x0, y1 - y0)
-        along = np.array([x1 - x0, y1 - y0]) / length
-        found.append(Pane(np.array([x0, y0]), along, length))
-    return [pane for pane in found if _mirrors(pane, scene)]
+    plates = [_pane(*plate) for plate in np.asarray(walls.plates).tolist()]
+    return [pane for pane in plates if _mirrors(pane, scene)]
 
 
 def _mirrors(pane: Pane, scene: Scene) -> bool:
@@ -71,15 +70,18 @@ def _sides(scene: Scene) -> list[Pane]:
     places = None if walls is None else walls.mirrored_sides(scene.h)
     if walls is None or places is None:
         return []
+    middle, far = np.repeat(np.asarray(scene.x)[0], 2), FAR * scene.h * np.array([-1, 1, -1, 1])
+    box = np.array(walls.box, float)
+    left, right, low, high = np.where(np.isfinite(box), box, middle + far).tolist()
+    ends = (left, low, left, high), (right, low, right, high), (left, low, right, low)
     moving = () if walls.motion is None else walls.motion.sides
-    found = []
-    for k, (name, place) in enumerate(zip(("left", "right", "bottom", "top"), places, strict=True)):
-        if math.isfinite(place) and name not in moving:
-            along, other = np.roll((0.0, 1.0), k // 2), k // 2 * 2
-            ends = np.clip(np.roll(walls.box, other)[2:], -1e6 * scene.h, 1e6 * scene.h)
-            begin = np.roll((place, ends[0]), k // 2)
-            found.append(Pane(begin, along, float(ends[1] - ends[0])))
-    return found
+    named = zip(SIDES, places, (*ends, (left, high, right, high)), strict=True)
+    return [_pane(*e) for name, at, e in named if math.isfinite(at) and name not in moving]
+
+
+def _pane(x0: float, y0: float, x1: float, y1: float) -> Pane:
+    length = math.hypot(x1 - x0, y1 - y0)
+    return Pane(np.array([x0, y0]), np.array([x1 - x0, y1 - y0]) / length, length)
 
 
 def _corners(one: Pane, other: Pane, dx: float) -> list[tuple[Floats, Floats, Floats]]:
@@ -108,12 +110,12 @@ def make_panes(scene: Scene, number: Any) -> Panes | None:
         return None
     rows = [(*pane.begin, *pane.normal, 0.0, pane.length, 0.0) for pane in plates]
     pairs = [*combinations(plates, 2), *product(plates, _sides(scene))]
-    far = 1e6 * scene.h
+    far = FAR * scene.h
     for one, other in pairs:
         for point, normal, along in _corners(one, other, scene.dx):
             # places along a pane are counted along (-ny, nx)
             if normal[0] * along[1] - normal[1] * along[0] < 0:
                 normal = along
             rows.append((*point, *normal, -far, far, 1.0))
-    columns: list[Any] = [np.ascontiguousarray(c) for c in np.array(rows).T.astype(number)]
-    return Panes(*columns, h=number(scene.h))
+    columns = np.array(rows).T.astype(number)
+    return Panes._make([*map(np.ascontiguousarray, columns), number(scene.h)])

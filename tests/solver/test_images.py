@@ -19,6 +19,7 @@ from sph_gym import (
     tank_particles,
 )
 from sph_gym.solver.kernels import MATCHED
+from sph_gym.solver.panes import panes_of
 from tests.cases import DX, assert_close, fluid, uncompiled
 from tests.solver.test_terms import EFFECTS, FREE, cloud
 
@@ -94,6 +95,64 @@ def test_no_shipped_scene_needs_mirrors(name):
     assert scene.walls is None or scene.walls.mirrored_sides(scene.h) is None
 
 
+# --- Plates -----------------------------------------------------------------------------------
+
+
+def in_plates(angle, corner=(0.0, 0.0)):
+    """Return a lattice between a floor and two walls of plates, turned about a corner."""
+    turn = np.array([(np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))])
+    ends = np.array([(-0.1, 0.0), (0.3, 0.0), (0.0, -0.1), (0.0, 1.0), (0.16, 1.0), (0.16, 0.0)])
+    x = lattice(0.0, 0.16, 0.0, 0.2, DX) @ turn + corner
+    walls = Walls(plates=(ends @ turn + corner).reshape(3, 4))
+    return replace(cloud(), x=x, v=None, h=3 * DX, walls=walls), turn
+
+
+@uncompiled
+@pytest.mark.parametrize("angle", [0.0, 0.4, 2.0])
+def test_plates_and_their_corners_mirror_like_the_box(angle):
+    scene, turn = in_plates(angle, (0.1, -0.2))
+    boxed = replace(in_plates(0.0)[0], walls=Walls(box=(0.0, 0.16, 0.0, INF)))
+    one, other = Simulation(scene), Simulation(boxed)
+    assert_close(fluid(one, "rho"), fluid(other, "rho"), 1e-10)
+    assert_close(fluid(one, "a"), fluid(other, "a") @ turn, 1e-9, at_least=10.0)
+
+
+@uncompiled
+def test_a_plate_and_the_floor_of_a_box_share_a_corner():
+    scene = replace(in_plates(0.0)[0], walls=Walls(box=(0.0, 0.16, 0.0, INF)))
+    plate = Walls(box=(0.0, 9.0, 0.0, INF), plates=[(0.16, -0.1, 0.16, 1.0)])
+    one, other = Simulation(scene), Simulation(replace(scene, walls=plate))
+    assert_close(fluid(one, "rho"), fluid(other, "rho"), 1e-10)
+
+
+@uncompiled
+def test_a_plate_hides_what_comes_to_its_other_side():
+    scene = replace(in_plates(0.0)[0], walls=Walls(plates=[(0.16, -1.0, 0.16, 1.0)]))
+    left = np.asarray(scene.x)
+    two = np.concatenate([left, np.add(left, (0.3, 0.0))])
+    alone, both = (Simulation(replace(scene, x=x, v=0.0 * x)) for x in (left, two))
+    kept = both.snapshot()
+    kept["fluid"]["x"][kept["fluid"]["id"] >= len(left)] -= 0.14
+    both.restore(kept)
+    assert_close(fluid(both, "rho")[: len(left)], fluid(alone, "rho"), 1e-10)
+    assert_close(fluid(both, "a")[: len(left)], fluid(alone, "a"), 1e-9, at_least=10.0)
+
+
+@pytest.mark.without_jit
+def test_plates_mirror_that_have_nothing_behind_them():
+    scene = in_plates(0.0)[0]
+    assert len(panes_of(scene)) == 3
+    x = np.asarray(scene.x)
+    within = replace(scene, walls=Walls(plates=[(0.08, -1.0, 0.08, 1.0)]))
+    assert panes_of(within) == []
+    face = Walls(lattice(0.0, 0.16, -0.06, 0.0, DX), plates=[(0.0, 0.0, 0.16, 0.0)])
+    assert panes_of(replace(scene, walls=face)) == []
+    beside = Walls(box=(0.0, 0.16, 0.0, INF), plates=[(0.0, 0.0, 0.16, 0.0)])
+    assert panes_of(replace(scene, walls=beside)) == []
+    endless = Walls(plates=[(0.2, -0.9, 0.2, 0.9)], period_y=(-1.0, 1.0))
+    assert panes_of(replace(scene, walls=endless, x=x)) == []
+
+
 # --- Tanks at rest ----------------------------------------------------------------------------
 
 G, DEPTH = 9.81, 0.6
@@ -148,6 +207,15 @@ def test_a_lattice_in_step_with_the_box_is_at_rest_density():
     sim = Simulation(tank(acting={"gravity": (0.0, 0.0)}))
     x, rho = fluid(sim, "x"), fluid(sim, "rho")
     assert rho[x[:, 1] < DEPTH - 3 * DX] == pytest.approx(1000.0, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("h_over_dx", [2.6, 3.0])
+def test_so_it_does_between_plates(h_over_dx):
+    plates = [(0.0, -0.1, 0.0, 2.0), (-0.1, 0.0, 0.4, 0.0), (0.3, -0.1, 0.3, 2.0)]
+    check_rest(tank(h_over_dx, walls=Walls(plates=plates)))
+    box = (0.0, 1.2, 0.0, INF)
+    check_rest(tank(h_over_dx, walls=Walls(box=box, plates=plates[2:])))
 
 
 @pytest.mark.slow
@@ -244,7 +312,7 @@ def test_any_direction_may_be_down_and_a_fluid_may_be_moving():
 def test_a_dam_that_stands_free_keeps_its_shape():
     walls = Walls(box=(0.0, 9.0, 0.0, INF))
     dam = tank(2.6, walls=walls, width=0.08, depth=0.16, hydrostatic=True)
-    assert np.abs(fluid(Simulation(dam), "x") - np.asarray(dam.x)).max() < 0.4 * DX
+    assert np.abs(fluid(Simulation(dam), "x") - np.asarray(dam.x)).max() < 0.6 * DX
 
 
 @pytest.mark.without_jit

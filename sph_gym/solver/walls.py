@@ -82,9 +82,11 @@ class Walls:
     slip: of boundary particles, "no-slip" or "free-slip". velocity: (2,) or (n, 2) [m/s] of walls
     that slide along themselves, as a lid or a belt. motion: of walls that move, as a piston.
     box: (x_min, x_max, y_min, y_max) [m], infinite where a side is open: a particle that passes
-    a side is clamped to it, and the normal part of its velocity is reflected.
+    a side is clamped to it, and the normal part of its velocity is reflected; without boundary
+    particles behind it, a side also mirrors the fluid, and clamps dx / 10 before itself.
     plates: ((x0, y0, x1, y1), ...) segments [m] that no path crosses, however fast; not even one
     that a moving side of the box pushes along: what is between the two stays before the plate.
+    Those without fluid on both sides at the start, and without boundary particles, mirror as well.
     restitution: share of the normal speed that is left after a reflection, 0 to 1.
     period_x, period_y: (low, high) [m] where space closes upon itself; at least 4 h long, and
     farther than anything moves in a step. Boundary particles and plates begin within them.

@@ -4,6 +4,7 @@ The level is that of the highest particle plus dx / 2, against the gravity of th
 is at one depth below it starts with the pressure rho0 g depth, connected or not.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from sph_gym.solver.equation_of_state import density_at, make_eos
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Floats
+from sph_gym.solver.stepping import stable_dt
 
 # Steps after which the fluid is stopped, so that short waves and then long ones come to rest; and
 # the share of dx that a particle may move meanwhile.
@@ -25,12 +27,15 @@ def densities(scene: Scene, stiffness: float) -> Floats:
     return _density(scene, stiffness, -_heights(scene)[0])
 
 
-def places(scene: Scene, stiffness: float) -> Floats:
-    """Return (n, 2) positions [m] whose kernel sums are the densities of rest.
+def pressed(scene: Scene, stiffness: float) -> Scene:
+    """Return the scene with the fluid where its kernel sums are the densities of rest.
 
     Every column of particles is pressed down onto its lowest one. What rests on a particle, and
-    so its pressure, is the same as before. stiffness: Tait's B [Pa].
+    so its pressure, is the same as before. stiffness: Tait's B [Pa]. Scenes that don't start at
+    rest, and those with densities by continuity, are returned as they are.
     """
+    if not _is_pressed(scene):
+        return scene
     x, (height, up) = np.asarray(scene.x), _heights(scene)
     floor = _floors(x @ np.array([up[1], -up[0]]), height, scene.dx) - scene.dx / 2
     # rho0 / rho hardly bends between the floor and the particle
@@ -40,15 +45,18 @@ def places(scene: Scene, stiffness: float) -> Floats:
         depth = -(floor + point * (height - floor))
         share = scene.fluid.rho0 / _density(scene, stiffness, depth)
         length += weight * (height - floor) * share
-    return np.asarray(x + (floor + length - height)[:, None] * up)
+    return replace(scene, x=x + (floor + length - height)[:, None] * up)
 
 
-def settle(engine: Any, scene: Scene, dt: float) -> None:
-    """Let an engine's fluid come to rest at walls and surface, at time 0, in steps of dt [s].
+def settle(engine: Any, scene: Scene, stiffness: float) -> None:
+    """Let a pressed fluid come to rest at walls and surface, at time 0; stiffness: Tait's B [Pa].
 
     A fluid that moves by more than `FARTHEST` isn't one at rest, and is left as it was.
     """
-    start = engine.state()
+    if not _is_pressed(scene):
+        return
+    c, nu = scene.fluid.sound_speed(stiffness), scene.effects.laminar_viscosity
+    start, dt = engine.state(), stable_dt(scene.h, c, 0.0, nu, scene.viscous_share)
     for n_substeps in SETTLING:
         _, bad = engine.run(0.0, dt, n_substeps)
         if bad >= 0 or _path(start, engine.state(), scene) > FARTHEST * scene.dx:
@@ -57,6 +65,10 @@ def settle(engine: Any, scene: Scene, dt: float) -> None:
         _give_velocities(engine, None)
     _give_velocities(engine, start)
     engine.renew(0.0)
+
+
+def _is_pressed(scene: Scene) -> bool:
+    return scene.hydrostatic and not scene.effects.continuity
 
 
 def _heights(scene: Scene) -> tuple[Floats, Floats]:

@@ -87,7 +87,7 @@ class Scene:
     controls: nominal controls, by default stiffness rho0 c0^2 / gamma, dt the stable step at the
     start, xsph 0.3; hydrostatic: whether the fluid starts with the pressures of water at rest
     under the gravity of the start, below a level dx / 2 above its highest particle. Then x is the
-    lattice from which it is pressed together (`hydrostatics.places`), and settles for 186 steps
+    lattice from which it is pressed together (`hydrostatics.pressed`), and settles for 186 steps
     before time 0 if it is at rest; densities by continuity simply begin with those values.
 
     Raises ValueError that names the argument, for wrong shapes and types, non-finite numbers, no

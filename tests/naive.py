@@ -5,6 +5,7 @@ and its `Controls` are only read for their numbers. Arrays over pairs have shape
 particles first, then wall particles; `h` is the support radius.
 """
 
+import copy
 from itertools import product
 from typing import NamedTuple
 
@@ -238,6 +239,22 @@ def calibrated_surface(sigma, kernel, h, dx, volume):
     return (1 - 0.115 * (h / dx - 3.2)) * sigma / tension
 
 
+# --- Plates -----------------------------------------------------------------------------------
+
+
+def cross(x, y, plate):
+    """(n, m) whether the straight way from x (n, 2) to y (m, 2) crosses a plate."""
+
+    def turn(a, b, c):
+        return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (
+            c[..., 0] - a[..., 0]
+        )
+
+    x, y, begin, end = x[:, None], y[None, :], plate[:2], plate[2:]
+    parted = turn(begin, end, x) * turn(begin, end, y) < 0
+    return parted & (turn(x, y, begin) * turn(x, y, end) <= 0)
+
+
 # --- The solver -----------------------------------------------------------------------------
 
 
@@ -276,6 +293,18 @@ class Naive:
         has_wall_particles = walls is not None and walls.particles is not None
         self.wall_x = np.array(walls.particles) if has_wall_particles else np.empty((0, 2))
         self.extrapolates = has_wall_particles and walls.pressure == "extrapolated"
+        # plates that mirror; of the tests', those that all fluid is on one side of
+        self.panes = []
+        for plate in [] if walls is None or walls.plates is None else np.asarray(walls.plates):
+            along = (plate[2:] - plate[:2]) / np.hypot(*(plate[2:] - plate[:2]))
+            offset = np.array(scene.x) - plate[:2]
+            distance = offset @ [-along[1], along[0]]
+            if not distance.min() < 0 < distance.max() and not self.periods:
+                self.panes.append(plate)
+        # pairs of particles that don't see each other
+        self.unseen = None
+        # whether sides of the box mirror the fluid; no twin of boundary particles beside such sides
+        self.mirrors = walls is not None and walls.box is not None and not has_wall_particles
 
     # --- walls ------------------------------------------------------------------------------
 
@@ -314,17 +343,73 @@ class Naive:
     def offsets(self, x, time=0.0):
         """x_i - x_j (n, n, 2) [m] to the nearest image and their lengths (n, n) [m], walls too."""
         everybody = np.concatenate([x, self.boundary(time)[0]])
-        offset = everybody[:, None] - everybody[None, :]
+        offset = self.nearest(everybody[:, None] - everybody[None, :])
+        if self.unseen is not None:
+            offset[self.unseen] = 1e6
+        n = len(x)
+        offset[:n, :n][self.hidden(x)] = 1e6
+        return offset, np.hypot(offset[..., 0], offset[..., 1])
+
+    def nearest(self, offset):
+        """Offsets to the nearest image in periodic directions."""
         for axis, low, high in self.periods:
             offset[..., axis] -= (high - low) * np.round(offset[..., axis] / (high - low))
-        return offset, np.hypot(offset[..., 0], offset[..., 1])
+        return offset
+
+    def sides(self, time):
+        """(low, high, speed of low, speed of high) of the box in x and in y [m], [m/s]."""
+        walls = self.scene.walls
+        shift, velocity, _ = self.stroke(time)
+        for axis, names in enumerate((("left", "right"), ("bottom", "top"))):
+            moving = [walls.motion is not None and name in walls.motion.sides for name in names]
+            yield (
+                *(walls.box[2 * axis + k] + moving[k] * shift[axis] for k in range(2)),
+                *(moving[k] * velocity[axis] for k in range(2)),
+            )
+
+    def images(self, x, v, time):
+        """Positions and velocities (n, 2) of every image behind sides and corners of the box.
+
+        And images in plates; and (n, n) which particles don't see whose image: those outside
+        neither have any nor see any, and through a plate one must look at it.
+        """
+        places = []
+        for low, high, slow, fast in self.sides(time) if self.mirrors else []:
+            places.append([(1, 0, 0), (-1, 2 * low, 2 * slow), (-1, 2 * high, 2 * fast)])
+        for pair in list(product(*places))[1:] if places else []:
+            sign, shift, speed = (np.array(each) for each in zip(*pair, strict=True))
+            if not np.isfinite(shift).all():
+                continue
+            x_image, v_image = sign * x + shift, sign * v + speed
+            inwards = np.sign(np.median(x, axis=0) - shift / 2)
+            outside = ((sign < 0) & (inwards * (x - shift / 2) < 0)).any(axis=1)
+            yield x_image, v_image, outside[:, None] | outside[None, :]
+        for plate in self.panes:
+            along = (plate[2:] - plate[:2]) / np.hypot(*(plate[2:] - plate[:2]))
+            matrix = 2 * np.outer(along, along) - np.eye(2)
+            x_image = plate[:2] + (x - plate[:2]) @ matrix
+            yield x_image, v @ matrix, ~cross(x, x_image, plate)
+
+    def hidden(self, x):
+        """(n, n) whether a plate that mirrors is between two particles."""
+        return np.any(
+            [np.zeros((len(x),) * 2, bool), *(cross(x, x, p) for p in self.panes)], axis=0
+        )
 
     # --- densities and pressures ------------------------------------------------------------
 
     def density(self, x, time=0.0):
         """(n,) [kg/m^3], fluid and walls, by sums; every particle counts itself."""
-        _, r = self.offsets(x, time)
-        return self.mass * self.kernel.density(r, self.h).sum(axis=1)
+        return self.mass * self.total(self.kernel.density, x, time)
+
+    def total(self, shape, x, time):
+        """(n,) sums of a shape over all particles and images."""
+        total = shape(self.offsets(x, time)[1], self.h).sum(axis=1)
+        for image, _, unseen in self.images(x, x, time):
+            offset = self.nearest(x[:, None] - image[None, :])
+            offset[unseen] = 1e6
+            total += shape(np.hypot(offset[..., 0], offset[..., 1]), self.h).sum(axis=1)
+        return total
 
     def pressure(self, rho):
         """(n,) [Pa]: B ((rho / rho0)^gamma - 1), cut off at zero if the fluid is clamped."""
@@ -373,6 +458,9 @@ class Naive:
 
     def rates(self, x, v, time=0.0, rho=None):
         """All that changes a state."""
+        images = list(self.images(x, v, time))
+        if images:
+            return self.rates_among(images, x, v, time, rho)
         n, h, effects, m = len(x), self.h, self.scene.effects, self.mass
         c0, walls = self.scene.fluid.c0, self.scene.walls
         offset, r = self.offsets(x, time)
@@ -432,6 +520,20 @@ class Naive:
         parting = ((v[:, None] - v[None, :]) * offset).sum(axis=-1) / (r**2 + 0.01 * h**2)
         force = nu * h * volume * both * fluid.rho0 / (2 * mean_rho) * weight * parting
         return -(force[..., None] * offset).sum(axis=1)
+
+    def rates_among(self, images, x, v, time, rho):
+        """The same with images as further fluid, which has the densities of the particles."""
+        rho = self.density(x, time) if rho is None else rho
+        alone, n = copy.copy(self), len(x)
+        alone.mirrors, alone.panes = False, []
+        alone.unseen = np.zeros((n * (1 + len(images)),) * 2, bool)
+        alone.unseen[:n] = np.concatenate([self.hidden(x), *(each[2] for each in images)], axis=1)
+        moving = [each[:2] for each in images]
+        everybody = [np.concatenate(each) for each in zip((x, v), *moving, strict=True)]
+        all_rates = alone.rates(*everybody, time, np.tile(rho, 1 + len(images)))
+        alone.unseen = None
+        growth = alone.rates(x, v, time, rho).growth
+        return Rates(all_rates.a[: len(x)], all_rates.drift[: len(x)], growth)
 
     def tensile(self, r, p, rho):
         """R f^4 of Monaghan 2000: f = W(r) / W(dx), R = R_i + R_j."""
@@ -505,7 +607,7 @@ class Naive:
 
         Its time derivative is the continuity equation's sum m v_ij . grad W.
         """
-        return self.mass * self.shape(self.offsets(x, time)[1][: len(x)]).sum(axis=1)
+        return self.mass * self.total(lambda r, h: self.shape(r), x, time)[: len(x)]
 
     def shape(self, r):
         """W(r) [1/m^2], or by continuity the integral of the slope, which may be another."""
@@ -601,13 +703,11 @@ class Naive:
         walls = self.scene.walls
         if walls is None or walls.box is None:
             return x, v
-        x, v = x.copy(), v.copy()
-        shift, velocity, _ = self.stroke(time)
+        x, v, sides = x.copy(), v.copy(), list(self.sides(time))
         for i, axis in product(range(len(x)), range(2)):
-            names = (("left", "right"), ("bottom", "top"))[axis]
-            moving = [walls.motion is not None and name in walls.motion.sides for name in names]
-            low, high = (walls.box[2 * axis + k] + moving[k] * shift[axis] for k in range(2))
-            slow, fast = (moving[k] * velocity[axis] for k in range(2))
+            low, high, slow, fast = sides[axis]
+            if self.mirrors:
+                low, high = low + 0.1 * self.scene.dx, high - 0.1 * self.scene.dx
             if x[i, axis] < low:
                 x[i, axis] = low
                 v[i, axis] = max(v[i, axis], slow - walls.restitution * (v[i, axis] - slow))

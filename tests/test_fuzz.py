@@ -192,9 +192,11 @@ def scenes(draw, configuration, dtype):
     if walls is not None:
         scale = draw(st.floats(0.5, 2.0)) * dx / 0.02
         low, high = -10 * dx, 10 * dx
+        # one behind each side that isn't to mirror the fluid
+        behind = [(low - dx / 2, high - dx), (high + dx / 2, high - dx), (high - dx, low - dx / 2)]
         parts["walls"] = replace(
             walls,
-            particles=scale * np.asarray(walls.particles),
+            particles=np.concatenate([scale * np.asarray(walls.particles), behind]),
             box=(low, high, low, math.inf),
             restitution=draw(st.floats(0.0, 1.0)),
         )

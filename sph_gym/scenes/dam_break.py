@@ -54,7 +54,7 @@ def dam_break(
         x=x,
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=sound_speed(math.sqrt(2 * gravity * height))),
+        fluid=Fluid(c0=sound_speed(math.sqrt(2 * gravity * height)), kernel="mueller"),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
         walls=Walls(particles=walls, box=(0.0, length, 0.0, math.inf)),
         duration=4 * math.sqrt(width / gravity) + 0.75 * length / math.sqrt(gravity * height),

@@ -47,7 +47,7 @@ def drop_impact(
         x=np.concatenate([lattice(0.0, width, 0.0, pool_depth, dx), drop]),
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=sound_speed(v_max)),
+        fluid=Fluid(c0=sound_speed(v_max), kernel="mueller"),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
         walls=Walls(
             particles=tank_particles(width, middle, dx),

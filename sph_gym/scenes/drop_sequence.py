@@ -52,7 +52,7 @@ def drop_sequence(
         v=np.concatenate(v),
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=sound_speed(float(fastest))),
+        fluid=Fluid(c0=sound_speed(float(fastest)), kernel="mueller"),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
         walls=Walls(
             particles=tank_particles(width, pool_depth + 3 * diameter, dx),

@@ -42,7 +42,7 @@ def long_fall(
         x=np.concatenate([pool, drop]),
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=sound_speed(v_max)),
+        fluid=Fluid(c0=sound_speed(v_max), kernel="mueller"),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
         walls=Walls(
             particles=tank_particles(width, depth + 3 * diameter, dx),

@@ -38,7 +38,7 @@ def patch_impact(
         dx=dx,
         h=2.6 * dx,
         # an impact compresses the water by speed / c, at first
-        fluid=Fluid(c0=40 * speed),
+        fluid=Fluid(c0=40 * speed, kernel="mueller"),
         effects=Effects(xsph=True, artificial_viscosity=0.02),
         duration=duration,
         frame=duration / 75,

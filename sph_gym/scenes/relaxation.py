@@ -34,7 +34,7 @@ def relaxation(
         x=x - x.mean(axis=0),
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=c0),
+        fluid=Fluid(c0=c0, kernel="mueller"),
         effects=Effects(laminar_viscosity=0.1 * diameter / 0.5),
         duration=2.0,
         frame=0.04 * math.sqrt(diameter / 0.5),

@@ -47,7 +47,7 @@ def shaken_tank(
         x=lattice(0.0, length, 0.0, fill, dx),
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=sound_speed(math.sqrt(2 * gravity * climb))),
+        fluid=Fluid(c0=sound_speed(math.sqrt(2 * gravity * climb)), kernel="mueller"),
         effects=Effects(
             gravity=RecordedGravity(vectors, period / SAMPLES_PER_PERIOD),
             xsph=True,

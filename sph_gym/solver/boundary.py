@@ -7,7 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 from sph_gym.solver.confinement import stroke_at
-from sph_gym.solver.density import COINCIDENT, add_weights, store_density
+from sph_gym.solver.density import COINCIDENT, add_image_weights, add_weights, store_density
 from sph_gym.solver.equation_of_state import density_at
 from sph_gym.solver.gravity import add_gravity
 from sph_gym.solver.jit import dispatch, jit, jitable
@@ -170,6 +170,9 @@ def _like_fluid(task, i, n, begin, end, cells, model, time):
     walls, kernel, constants = cells.walls, model.kernel, model.constants
     x, y, total = load(walls.x, i), load(walls.y, i), load(cells.wall_sums, i)
     total = add_weights(None, cells.fluid, cells.lists, begin, end, kernel, constants, x, y, total)
+    total = add_image_weights(
+        model.mirrors, None, cells.fluid, cells.lists, (begin, end), model, x, y, total
+    )
     store_density(walls, i, n, constants.density_scale * total, model.eos)
 
 
@@ -178,6 +181,9 @@ def _own_sums(task, i, n, begin, end, cells, model, time):
     walls, kernel, constants = cells.walls, model.kernel, model.constants
     x, y = load(walls.x, i), load(walls.y, i)
     total = add_weights(None, walls, cells.lists, begin, end, kernel, constants, x, y, like(x, 0.0))
+    total = add_image_weights(
+        model.mirrors, None, walls, cells.lists, (begin, end), model, x, y, total
+    )
     store(cells.wall_sums, i, total, n)
 
 
@@ -250,16 +256,19 @@ def mirror(ghost, own, i, n, inv_friction, total):
 
 
 @jit
-def sum_walls(walls, everyone, sums, kernel, constants):
+def sum_walls(walls, everyone, sums, model):
     """Fill `sums` with kernel sums of boundary particles over each other, all with all.
 
     everyone: lists whose entries are all boundary particles.
     """
-    i, n_walls = 0, walls.id.size
+    i, n_walls, kernel, constants = 0, walls.id.size, model.kernel, model.constants
     while i < n_walls:
         x, y = load(walls.x, i), load(walls.y, i)
         total = like(x, 0.0)
         total = add_weights(None, walls, everyone, 0, n_walls, kernel, constants, x, y, total)
+        total = add_image_weights(
+            model.mirrors, None, walls, everyone, (0, n_walls), model, x, y, total
+        )
         n = min(width(sums), n_walls - i)
         store(sums, i, total, n)
         i += n

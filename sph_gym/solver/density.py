@@ -5,6 +5,17 @@ follow the continuity equation.
 """
 
 from sph_gym.solver.equation_of_state import pressure
+from sph_gym.solver.images import (
+    HIDDEN,
+    N_IMAGES,
+    image_of,
+    is_at_pane,
+    is_near,
+    meets,
+    mirror_matrix,
+    through_pane,
+    turned,
+)
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import primitive, weight
 from sph_gym.solver.lanes import (
@@ -72,6 +83,57 @@ def add_weights(continuity, sources, lists, first, last, kernel, constants, x, y
 
 
 @jitable
+def add_image_weights(mirrors, continuity, sources, lists, part, model, x, y, total):
+    """Return total plus the shapes between (x, y) and the images of the listed `sources`.
+
+    part: first and last-plus-one entry of the lists.
+    """
+    if mirrors is None:
+        return total
+    kernel, constants = model.kernel, model.constants
+    for k in range(1, N_IMAGES):
+        image = image_of(mirrors, k, kernel.h, x, y)
+        if not is_near(image):
+            continue
+        for q in range(part[0], part[1]):
+            if meets(image, sources, neighbor(lists, q)):
+                total = add_weights(
+                    continuity, sources, lists, q, q + 1, kernel, constants, image.x, image.y, total
+                )
+    return total
+
+
+@jitable
+def add_pane_weights(panes, continuity, fluid, lists, part, model, x, y, total):
+    """Return total plus what plates add to the sum of shapes, less what they hide."""
+    if panes is None:
+        return total
+    kernel, constants = model.kernel, model.constants
+    for k in range(panes.x.size):
+        if not is_at_pane(panes, k, x, y):
+            continue
+        for what in range(2):
+            share = like(x, 0.0)
+            for q in range(part[0], part[1]):
+                j = neighbor(lists, q)
+                acts, px, py = through_pane(panes, k, what, x, y, fluid.x[j], fluid.y[j])
+                if acts:
+                    share = add_weights(
+                        continuity, fluid, lists, q, q + 1, kernel, constants, px, py, share
+                    )
+            total = total - share if what == HIDDEN else total + share
+    return total
+
+
+@jitable
+def add_wall_images(mirrors, walls, continuity, lists, part, model, x, y, total):
+    """Return total plus the shapes between (x, y) and the images of boundary particles."""
+    if walls is None:
+        return total
+    return add_image_weights(mirrors, continuity, walls, lists, part, model, x, y, total)
+
+
+@jitable
 def store_density(particles, i, n, rho, eos):
     """Store rho and p / rho^2 of particles i to i + n."""
     store(particles.rho, i, rho, n)
@@ -79,14 +141,20 @@ def store_density(particles, i, n, rho, eos):
 
 
 @jitable
-def density(continuity, fluid, i, walls, lists, kernel, constants):
+def density(continuity, fluid, i, walls, lists, model):
     """Return rho of the group of fluid particle i, and the contribution of walls to it."""
+    kernel, constants, mirrors = model.kernel, model.constants, model.mirrors
     x, y, scale = load(fluid.x, i), load(fluid.y, i), shape_scale(continuity, constants)
     begin, end = fluid_range(lists, i)
     own = add_weights(continuity, fluid, lists, begin, end, kernel, constants, x, y, like(x, 0.0))
     begin, end = wall_range(lists, i)
     total = add_weights(continuity, walls, lists, begin, end, kernel, constants, x, y, own)
-    return add_offset(fluid.offset, i, scale * total), scale * (total - own)
+    of_walls, part = scale * (total - own), (begin, end)
+    total = add_wall_images(mirrors, walls, continuity, lists, part, model, x, y, total)
+    part = fluid_range(lists, i)
+    total = add_image_weights(mirrors, continuity, fluid, lists, part, model, x, y, total)
+    total = add_pane_weights(model.panes, continuity, fluid, lists, part, model, x, y, total)
+    return add_offset(fluid.offset, i, scale * total), of_walls
 
 
 @jitable
@@ -113,11 +181,58 @@ def add_normals(tension, sources, lists, first, last, constants, x, y, nx, ny):
 
 
 @jitable
-def store_normals(tension, fluid, i, n, lists, constants):
+def add_image_normals(mirrors, tension, fluid, i, lists, constants, nx, ny):
+    """nx, ny + sum of grad W shapes between the group of i and the images of its neighbours."""
+    if mirrors is None:
+        return nx, ny
+    x, y = load(fluid.x, i), load(fluid.y, i)
+    zero, (begin, end) = like(x, 0.0), fluid_range(lists, i)
+    for k in range(1, N_IMAGES):
+        image = image_of(mirrors, k, constants.h, x, y)
+        if not is_near(image):
+            continue
+        ox, oy = zero, zero
+        for q in range(begin, end):
+            if meets(image, fluid, neighbor(lists, q)):
+                ox, oy = add_normals(
+                    tension, fluid, lists, q, q + 1, constants, image.x, image.y, ox, oy
+                )
+        _, sign_x = turned(0.0, 0.0, k // 3, zero)
+        _, sign_y = turned(0.0, 0.0, k % 3, zero)
+        nx, ny = nx + like(zero, sign_x) * ox, ny + like(zero, sign_y) * oy
+    return nx, ny
+
+
+@jitable
+def add_pane_normals(panes, tension, fluid, i, lists, constants, nx, ny):
+    """nx, ny + sum of grad W shapes that plates add, less those that they hide."""
+    if panes is None:
+        return nx, ny
+    x, y = load(fluid.x, i), load(fluid.y, i)
+    zero, (begin, end) = like(x, 0.0), fluid_range(lists, i)
+    for k in range(panes.x.size):
+        if not is_at_pane(panes, k, x, y):
+            continue
+        for what in range(2):
+            ox, oy = zero, zero
+            for q in range(begin, end):
+                j = neighbor(lists, q)
+                acts, px, py = through_pane(panes, k, what, x, y, fluid.x[j], fluid.y[j])
+                if acts:
+                    ox, oy = add_normals(tension, fluid, lists, q, q + 1, constants, px, py, ox, oy)
+            sign = like(zero, -1.0 if what == HIDDEN else 1.0)
+            xx, xy, yy = mirror_matrix(panes, k, what)
+            nx = nx + sign * (like(zero, xx) * ox + like(zero, xy) * oy)
+            ny = ny + sign * (like(zero, xy) * ox + like(zero, yy) * oy)
+    return nx, ny
+
+
+@jitable
+def store_normals(tension, mirrors, panes, fluid, i, n, lists, constants):
     """Store n / sqrt|n|, n the gradient of the share of space that the fluid fills, of a group.
 
-    Walls do not count as fluid: none of them is wetted. Were they to count, the pull would end at
-    them, and what ends without a counterforce moves the fluid along: a drop on a plate would boil.
+    Mirror images count as fluid, boundary particles do not and are not wetted. Were they to count,
+    the pull would end at them, and without a counterforce a drop on a plate would boil.
     """
     if tension is None:
         return
@@ -125,6 +240,8 @@ def store_normals(tension, fluid, i, n, lists, constants):
     zero = like(x, 0.0)
     begin, end = fluid_range(lists, i)
     nx, ny = add_normals(tension, fluid, lists, begin, end, constants, x, y, zero, zero)
+    nx, ny = add_image_normals(mirrors, tension, fluid, i, lists, constants, nx, ny)
+    nx, ny = add_pane_normals(panes, tension, fluid, i, lists, constants, nx, ny)
     nx, ny = tension.volume_scale * nx, tension.volume_scale * ny
     inv_size = rsqrt(nx * nx + ny * ny + tension.disorder2)
     # 1 / sqrt|n|: the square root of 1 / |n|
@@ -151,14 +268,21 @@ def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
             n, k = list_group(cells, grid, constants, i, n, k, room)
             if k > room:
                 return k, walled
-            rho, of_walls = density(
-                model.effects.continuity, fluid, i, walls, lists, model.kernel, constants
-            )
+            rho, of_walls = density(model.effects.continuity, fluid, i, walls, lists, model)
             inside = first_walled(walls, model, fluid, i, n, of_walls, dt)
             if inside >= 0 and walled < 0:
                 walled = i + inside
             store_density(fluid, i, n, rho, model.eos)
-            store_normals(model.effects.surface_tension, fluid, i, n, lists, constants)
+            store_normals(
+                model.effects.surface_tension,
+                model.mirrors,
+                model.panes,
+                fluid,
+                i,
+                n,
+                lists,
+                constants,
+            )
             i += n
     return k, walled
 

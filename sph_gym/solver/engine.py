@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver import boundary, diagnostics, stepping, teams
+from sph_gym.solver import boundary, diagnostics, hydrostatics, stepping, teams
 from sph_gym.solver.diagnostics import FORCES, NEIGHBORS, Request
 from sph_gym.solver.integrators import INTEGRATORS, KEEPING_RATES
 from sph_gym.solver.model import DT, control_row, make_model
@@ -100,7 +100,10 @@ class Engine:
         )
         self._sort_spare(UNKNOWN)
         if scene.effects.continuity:
-            self.fluid.offset[:n] = scene.fluid.rho0 - self.fluid.rho[:n]
+            rho = np.full(n, scene.fluid.rho0)
+            if scene.hydrostatic:
+                rho = hydrostatics.densities(scene, controls.stiffness)
+            self.fluid.offset[:n] = rho[self.fluid.id] - self.fluid.rho[:n]
             self.renew(0.0)
 
     def _wall_source(self, walls: Particles | None) -> WallSource:
@@ -114,7 +117,7 @@ class Engine:
         sums = column(walls.id.size, self.dtype)
         if self.model.extrapolation is None:
             everyone = Lists(np.arange(walls.id.size, dtype=np.int32), np.zeros(0, np.int64))
-            boundary.sum_walls(walls, everyone, sums, self.model.kernel, self.model.constants)
+            boundary.sum_walls(walls, everyone, sums, self.model)
         scene_walls = self._scene.walls
         if scene_walls is None or scene_walls.motion is None:
             return WallSource(walls, None, None, sums)

@@ -22,6 +22,17 @@ from sph_gym.solver.effects import (
     add_xsph,
 )
 from sph_gym.solver.gravity import add_gravity
+from sph_gym.solver.images import (
+    HIDDEN,
+    N_IMAGES,
+    image_of,
+    is_at_pane,
+    is_near,
+    meets,
+    mirror_matrix,
+    through_pane,
+    turned,
+)
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import gradient, weight
 from sph_gym.solver.lanes import broadcast, like, load, reciprocal, rsqrt, select
@@ -190,6 +201,85 @@ def add_pairs(target, sources, lists, first, last, model, effects, sums):
 
 
 @jitable
+def add_images(mirrors, target, sources, lists, part, model, effects, sums):
+    """Return sums plus everything that the images of the listed particles add to them.
+
+    part: first and last-plus-one entry of the lists.
+    """
+    if mirrors is None:
+        return sums
+    zero = like(target.x, 0.0)
+    for k in range(1, N_IMAGES):
+        image = image_of(mirrors, k, model.kernel.h, target.x, target.y)
+        if not is_near(image):
+            continue
+        u, sign_x = turned(mirrors.left, mirrors.right, k // 3, target.u)
+        v, sign_y = turned(mirrors.bottom, mirrors.top, k % 3, target.v)
+        sign_x, sign_y = like(zero, sign_x), like(zero, sign_y)
+        nx, ny = sign_x * target.nx, sign_y * target.ny
+        other = Target(image.x, image.y, u, v, target.rho, target.stress, nx, ny)
+        seen = Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
+        for q in range(part[0], part[1]):
+            if meets(image, sources, neighbor(lists, q)):
+                seen = add_pairs(other, sources, lists, q, q + 1, model, effects, seen)
+        sums = add_turned(sums, seen, sign_x, zero, sign_y, like(zero, 1.0))
+    return sums
+
+
+@jitable
+def add_panes(panes, target, fluid, lists, part, model, sums):
+    """Return sums plus everything that images in plates add, less what the plates hide."""
+    if panes is None:
+        return sums
+    zero = like(target.x, 0.0)
+    for k in range(panes.x.size):
+        if not is_at_pane(panes, k, target.x, target.y):
+            continue
+        for what in range(2):
+            xx, xy, yy = mirror_matrix(panes, k, what)
+            xx, xy, yy = like(zero, xx), like(zero, xy), like(zero, yy)
+            u, v = xx * target.u + xy * target.v, xy * target.u + yy * target.v
+            nx, ny = xx * target.nx + xy * target.ny, xy * target.nx + yy * target.ny
+            seen = Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
+            for q in range(part[0], part[1]):
+                j = neighbor(lists, q)
+                acts, x, y = through_pane(
+                    panes, k, what, target.x, target.y, fluid.x[j], fluid.y[j]
+                )
+                if acts:
+                    other = Target(x, y, u, v, target.rho, target.stress, nx, ny)
+                    seen = add_pairs(
+                        other, fluid, lists, q, q + 1, model, model.image_effects, seen
+                    )
+            sums = add_turned(sums, seen, xx, xy, yy, like(zero, -1.0 if what == HIDDEN else 1.0))
+    return sums
+
+
+@jitable
+def add_turned(sums, seen, xx, xy, yy, sign):
+    """Return sums plus the sign times those of an image, turned back by a symmetric matrix."""
+    return Sums(
+        sums.ax + sign * (xx * seen.ax + xy * seen.ay),
+        sums.ay + sign * (xy * seen.ax + yy * seen.ay),
+        sums.sx + sign * (xx * seen.sx + xy * seen.sy),
+        sums.sy + sign * (xy * seen.sx + yy * seen.sy),
+        sums.growth + sign * seen.growth,
+        sums.cx + sign * (xx * seen.cx + xy * seen.cy),
+        sums.cy + sign * (xy * seen.cx + yy * seen.cy),
+        sums.ox + sign * (xx * seen.ox + xy * seen.oy),
+        sums.oy + sign * (xy * seen.ox + yy * seen.oy),
+    )
+
+
+@jitable
+def add_wall_images(mirrors, walls, target, lists, part, model, sums):
+    """Return sums plus everything that the images of boundary particles add to them."""
+    if walls is None:
+        return sums
+    return add_images(mirrors, target, walls, lists, part, model, model.wall_effects, sums)
+
+
+@jitable
 def pair_sums(i, fluid, walls, lists, model):
     """Return the sums of the group that begins with fluid particle i, over fluid and walls."""
     x = load(fluid.x, i)
@@ -208,7 +298,11 @@ def pair_sums(i, fluid, walls, lists, model):
     begin, end = fluid_range(lists, i)
     sums = add_pairs(target, fluid, lists, begin, end, model, model.effects, sums)
     begin, end = wall_range(lists, i)
-    return add_pairs(target, walls, lists, begin, end, model, model.wall_effects, sums)
+    sums = add_pairs(target, walls, lists, begin, end, model, model.wall_effects, sums)
+    sums = add_wall_images(model.mirrors, walls, target, lists, (begin, end), model, sums)
+    part, effects = fluid_range(lists, i), model.image_effects
+    sums = add_images(model.mirrors, target, fluid, lists, part, model, effects, sums)
+    return add_panes(model.panes, target, fluid, lists, part, model, sums)
 
 
 # --- Single particles -----------------------------------------------------------------------

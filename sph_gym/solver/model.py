@@ -11,11 +11,13 @@ from sph_gym.solver.checks import number as finite
 from sph_gym.solver.confinement import Box, Plates, Stroke
 from sph_gym.solver.effects import Xsph, active_effects, wall_effects
 from sph_gym.solver.equation_of_state import make_eos
+from sph_gym.solver.images import FREEBOARD, Panes, make_mirrors
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import ALL_KERNELS, calibrated_mass, weight
 from sph_gym.solver.lanes import like, replaced
 from sph_gym.solver.neighbors import WIDEST_GROUP
+from sph_gym.solver.panes import make_panes
 from sph_gym.solver.periodic import Period, make_period
 from sph_gym.solver.registry import Given
 from sph_gym.solver.scene import Scene
@@ -57,8 +59,11 @@ class Model(NamedTuple):
     constants: Constants
     effects: Any
     wall_effects: Any
+    image_effects: Any
     gravity: Any
     box: Box | None
+    mirrors: Box | None
+    panes: Panes | None
     plates: Plates | None
     unbacked_walls: UnbackedWalls | None
     extrapolation: Extrapolation | None
@@ -87,8 +92,12 @@ def make_model(scene: Scene, mass: float, number: Any, brute: bool) -> Model:
             _constants(scene, kernel, mass, number, brute),
             effects,
             wall_effects(effects, "no-slip" if walls is None else walls.slip),
+            # the density at rest isn't that of a mirror: gravity has no image
+            effects._replace(density_diffusion=None),
             None if scene.effects.field is None else scene.effects.field.compiled(),
-            _box(walls, number),
+            _box(scene, number),
+            make_mirrors(None if walls is None else walls.mirrored_sides(scene.h), number),
+            make_panes(scene, number),
             _plates(walls, scene.dx, number),
             _unbacked_walls(scene, number),
             _extrapolation(scene, number),
@@ -163,10 +172,15 @@ def _constants(scene: Scene, kernel: Any, mass: float, number: Any, brute: bool)
     )
 
 
-def _box(walls: Walls | None, number: Any) -> Box | None:
+def _box(scene: Scene, number: Any) -> Box | None:
+    walls = scene.walls
     if walls is None or walls.box is None:
         return None
-    return Box(*(number(side) for side in (*walls.box, walls.restitution, *[0.0] * 4)))
+    sides, mirrored = np.array(walls.box), walls.mirrored_sides(scene.h)
+    if mirrored is not None:
+        gap = FREEBOARD * scene.dx
+        sides += np.where(np.isfinite(mirrored), [gap, -gap, gap, -gap], 0.0)
+    return Box(*(number(side) for side in (*sides, walls.restitution, *[0.0] * 4)))
 
 
 def _plates(walls: Walls | None, dx: float, number: Any) -> Plates | None:

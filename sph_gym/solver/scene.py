@@ -28,9 +28,10 @@ class Fluid:
 
     c0: nominal artificial sound speed [m/s], about ten times the largest speed (`sound_speed`).
     rho0: rest density [kg/m^3]. gamma: Tait's exponent. kernel: density kernel and pressure
-    gradient as one choice, "mueller" (the article's) or a matched pair: "wendland_c2", "spiky",
-    "cubic_spline", "quintic_spline"; those that begin with "wrong" are what their name says (see
-    kernels.py). eos: "tait"; with gamma = 1 it is the linear law.
+    gradient as one choice, a matched pair, "wendland_c2", "spiky", "cubic_spline" or
+    "quintic_spline", or the article's "mueller", which is none and heats what isn't damped; those
+    that begin with "wrong" are what their name says (see kernels.py). eos: "tait"; with gamma = 1
+    it is the linear law.
     clamp: whether negative pressures are cut off, as free surfaces want it.
 
     Raises ValueError for values that aren't positive and finite, c0 outside [1e-12, 1e12],
@@ -40,7 +41,7 @@ class Fluid:
     c0: float
     rho0: float = 1000.0
     gamma: float = 7.0
-    kernel: str = "mueller"
+    kernel: str = "wendland_c2"
     eos: str = "tait"
     clamp: bool = True
 
@@ -85,7 +86,10 @@ class Scene:
     run [s]; frame: physical time [s] between two looks at it, and of one environment step;
     integrator: "symplectic_euler", "kick_drift_kick" or "predictor_corrector";
     controls: nominal controls, by default stiffness rho0 c0^2 / gamma, dt the stable step at the
-    start, xsph 0.3.
+    start, xsph 0.3; hydrostatic: whether the fluid starts with the pressures of water at rest
+    under the gravity of the start, below a level dx / 2 above its highest particle. Then x is the
+    lattice from which it is pressed together (`hydrostatics.pressed`), and settles for 186 steps
+    before time 0 if it is at rest; densities by continuity simply begin with those values.
 
     Raises ValueError that names the argument, for wrong shapes and types, non-finite numbers, no
     particles at all, dx or h outside [1e-12, 1e12] m, h < dx or h > 100 dx, and times that aren't
@@ -104,6 +108,7 @@ class Scene:
     frame: float = 0.01
     controls: Controls | None = None
     integrator: str = "symplectic_euler"
+    hydrostatic: bool = False
 
     def __post_init__(self) -> None:
         known("integrator", self.integrator, INTEGRATORS)
@@ -148,6 +153,7 @@ class Scene:
         if self.controls is not None:
             object.__setattr__(self, "controls", check_controls(self.controls))
         self._check_walls()
+        self._check_hydrostatic()
 
     @property
     def viscous_share(self) -> float:
@@ -192,6 +198,26 @@ class Scene:
                 raise ValueError(
                     f"x: expected positions in walls.{name} = [{ends[0]:g}, {ends[1]:g}), got "
                     f"{place.min():g} to {place.max():g}"
+                )
+
+    def _check_hydrostatic(self) -> None:
+        """Check that there is weight, and something that it may rest on."""
+        if not isinstance(self.hydrostatic, bool):
+            raise ValueError(f"hydrostatic: expected True or False, got {self.hydrostatic!r}")
+        if not self.hydrostatic:
+            return
+        gravity, walls = self.effects.gravity_at(0.0), self.walls
+        if not gravity.any():
+            raise ValueError(
+                "hydrostatic: expected a uniform gravity that acts from the start, without a "
+                f"ramp, got effects.gravity = {self.effects.gravity!r}"
+            )
+        if walls is None:
+            raise ValueError("hydrostatic: expected walls that the fluid rests on, got none")
+        for name, pull in zip(("period_x", "period_y"), gravity.tolist(), strict=True):
+            if pull and getattr(walls, name) is not None:
+                raise ValueError(
+                    f"hydrostatic: expected no gravity along walls.{name}, got {pull:g} m/s^2"
                 )
 
 

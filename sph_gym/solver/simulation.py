@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver import diagnostics, failure, stepping, teams
+from sph_gym.solver import diagnostics, failure, hydrostatics, stepping, teams
 from sph_gym.solver.checks import known, positive, whole
 from sph_gym.solver.diagnostics import ALL, Request
 from sph_gym.solver.energy import GravityWork, make_ledger
@@ -23,8 +23,7 @@ DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
 # Work of one compiled call [particle-steps]: short enough for Ctrl-C, long enough to cost nothing.
 CHUNK = 2_000_000
-# Particles for each thread by default. Small fluids mostly come in numbers, and then there is
-# better use for the other processors.
+# Particles for each thread by default: small fluids mostly come in numbers, side by side.
 DEFAULT_PER_THREAD = 2000
 MAX_SUBSTEPS = 10**12
 DEFAULT_XSPH = 0.3
@@ -102,12 +101,13 @@ class Simulation:
         self.time = 0.0
         self._controls = self._initial_controls()
         brute = self.neighbors == "brute"
-        # the engine's scene, whose positions are counted from there
+        # where the engine's scene counts positions from
         self._origin = origin(scene, self._float)
         self._shift: tuple[float, float] = tuple(self._origin.tolist())
-        self._local = moved(scene, -self._origin)
+        self._local = hydrostatics.pressed(moved(scene, -self._origin), self._controls.stiffness)
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
         self._check_densities()
+        hydrostatics.settle(self.engine, self._local, self._controls.stiffness)
         self._acceleration: tuple[Any, Any] | None = None
         self._underway: _Underway | None = None
         self.last_report = Report(0, self._controls.dt)

@@ -12,6 +12,7 @@ from sph_gym.solver.boundary import (
 from sph_gym.solver.density import compute_fluid_density, store_density
 from sph_gym.solver.diagnostics import sum_up, survey
 from sph_gym.solver.forces import rates
+from sph_gym.solver.images import with_mirrors
 from sph_gym.solver.integrators import (
     KickDriftKick,
     PredictorCorrector,
@@ -374,12 +375,14 @@ def _advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
         back_up(rank, n_threads, spare, world.backup)
     n_moves = moves(model.integrator)
     last_move = n_substeps * n_moves
+    # the model with its mirrors where they are at the present positions
+    here = with_mirrors(model.mirrors, model.stroke, model, world.clock[0])
     for k in range(last_move + 1):
         step, part = divmod(k - 1, n_moves)
         began, length = time + step * float(dt), dt * 1.0
         if k > 0:
             first, last = status[rank, FIRST], status[rank, LAST]
-            bad = move(model.integrator, part, first, last, cells, spare, model, began, dt)
+            bad = move(model.integrator, part, first, last, cells, spare, here, began, dt)
             status[rank, STEPS], status[rank, BAD] = step + 1, bad
             if not meet(team, n_threads) or first_bad(status, n_threads) >= 0:
                 return
@@ -393,16 +396,17 @@ def _advance(rank, n_threads, world, model, stale, time, dt, n_substeps):
             return
         # not before all have read it
         world.clock[0] = now
+        here = with_mirrors(model.mirrors, model.stroke, model, now)
         grid = read_grid(world.sorting.frame)
-        if not compute_densities(rank, n_threads, cells, status, team, model, grid, length):
+        if not compute_densities(rank, n_threads, cells, status, team, here, grid, length):
             return
-        if not follow_fluid(model.extrapolation, rank, n_threads, world, model, grid, now):
+        if not follow_fluid(model.extrapolation, rank, n_threads, world, here, grid, now):
             return
         if part + 1 < n_moves:
             continue
         evaluating = evaluates_last(model.integrator) if k > 0 else stale == UNKNOWN
         if evaluating and not complete_step(
-            model.integrator, rank, n_threads, world, model, began, length, k == last_move
+            model.integrator, rank, n_threads, world, here, began, length, k == last_move
         ):
             return
         # a whole step that put a particle into a wall is the last one; the part that may be absent
@@ -429,6 +433,7 @@ def examine(worlds, models, world, model, controls, stale, request, columns, num
     """
     cells = unpack(worlds, 0, world).cells
     rules, _ = with_controls(unpack(models, 0, model), controls[0])
+    rules = with_mirrors(rules.mirrors, rules.stroke, rules, request[1])
     if stale:
         evaluate_acceleration(cells, rules, request[1], columns[0], columns[1])
     survey(cells, rules, request, columns, numbers)

@@ -82,9 +82,11 @@ class Walls:
     slip: of boundary particles, "no-slip" or "free-slip". velocity: (2,) or (n, 2) [m/s] of walls
     that slide along themselves, as a lid or a belt. motion: of walls that move, as a piston.
     box: (x_min, x_max, y_min, y_max) [m], infinite where a side is open: a particle that passes
-    a side is clamped to it, and the normal part of its velocity is reflected.
+    a side is clamped to it, and the normal part of its velocity is reflected; without boundary
+    particles behind it, a side also mirrors the fluid, and clamps dx / 10 before itself.
     plates: ((x0, y0, x1, y1), ...) segments [m] that no path crosses, however fast; not even one
     that a moving side of the box pushes along: what is between the two stays before the plate.
+    Those that enclose the fluid, without boundary particles, mirror it as well (`panes_of`).
     restitution: share of the normal speed that is left after a reflection, 0 to 1.
     period_x, period_y: (low, high) [m] where space closes upon itself; at least 4 h long, and
     farther than anything moves in a step. Boundary particles and plates begin within them.
@@ -204,6 +206,24 @@ class Walls:
     def is_periodic(self) -> bool:
         """True if space closes upon itself in any direction."""
         return self.period_x is not None or self.period_y is not None
+
+    def mirrored_sides(self, h: float) -> tuple[float, ...] | None:
+        """Return the sides of the box [m] that no boundary particle stands for; None if none.
+
+        x_min, x_max, y_min, y_max, infinite where one stands within h [m] behind the side.
+        """
+        if self.box is None:
+            return None
+        sides = np.array(self.box)
+        if self.particles is not None:
+            x, low, high = np.asarray(self.particles), sides[::2], sides[1::2]
+            within = (x > low) & (x < high)
+            for axis in range(2):
+                beside = x[within[:, 1 - axis], axis]
+                for k, beyond in ((0, low[axis] - beside), (1, beside - high[axis])):
+                    if ((beyond > 0) & (beyond < h)).any():
+                        sides[2 * axis + k] = (-1, 1)[k] * math.inf
+        return tuple(sides.tolist()) if np.isfinite(sides).any() else None
 
     def has_unbacked(self, dx: float, h: float) -> bool:
         """Return whether any particle, dx [m] apart, has neither a plate nor the box before it.

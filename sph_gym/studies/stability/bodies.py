@@ -44,7 +44,7 @@ def free(x: Any, dx: float, v: Any = None, h: float = 2.6, **settings: Any) -> S
     settings: other fields of the scene.
     """
     usual: dict[str, Any] = {
-        "fluid": Fluid(c0=C0),
+        "fluid": Fluid(c0=C0, kernel="mueller"),
         "effects": Effects(xsph=True, artificial_viscosity=0.05),
         "frame": FRAME * 0.4 * h * dx / C0,
     }
@@ -191,7 +191,7 @@ def stretched(dx: float) -> Scene:
     """
     x = jittered(dx)
     pull = 2.0 * (x - x.mean(axis=0)) * (1.0, 0.0)
-    return free(x, dx, v=pull, fluid=Fluid(c0=C0, clamp=False))
+    return free(x, dx, v=pull, fluid=Fluid(c0=C0, kernel="mueller", clamp=False))
 
 
 def rotating(dx: float, clamp: bool) -> Scene:

@@ -30,7 +30,7 @@ HALF = 0.4
 def stream(x: Any, v: Any, dx: float, walls: Walls, c0: float = 10 * SPEED) -> Scene:
     """Return water that moves at some 5 m/s, without gravity."""
     frame = bodies.FRAME * 0.4 * 2.6 * dx / c0
-    return bodies.free(x, dx, v, fluid=Fluid(c0=c0), walls=walls, frame=frame)
+    return bodies.free(x, dx, v, fluid=Fluid(c0=c0, kernel="mueller"), walls=walls, frame=frame)
 
 
 def floor(dx: float) -> Any:

@@ -59,7 +59,7 @@ def tank(
         v=v,
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=c0),
+        fluid=Fluid(c0=c0, kernel="mueller"),
         effects=Effects(**acting | effects),
         walls=Walls(particles=walls, box=(0.0, width, 0.0, math.inf)),
         frame=FRAME * 0.4 * 2.6 * dx / c0,

@@ -45,7 +45,7 @@ def long_fall(
         fluid=Fluid(c0=sound_speed(v_max)),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
         walls=Walls(
-            particles=tank_particles(width, depth + 3 * diameter, dx),
+            particles=tank_particles(width, depth + 3 * diameter, dx, layers=3),
             box=(0.0, width, 0.0, math.inf),
         ),
         duration=2.5 * fall,

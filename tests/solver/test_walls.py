@@ -201,12 +201,12 @@ def test_walls_are_unbacked_where_neither_plates_nor_the_box_are_before_them():
     obstacle = np.concatenate([tank, lattice(0.4, 0.6, 0.0, 0.2, dx)])
     elsewhere = [(0.3, 0.4, 0.7, 0.4)]
     around = [(0.4, 0.0, 0.4, 0.2), (0.4, 0.2, 0.6, 0.2), (0.6, 0.2, 0.6, 0.0)]
-    assert Walls(tank).has_unbacked(dx, h)
-    assert not Walls(tank, box=box).has_unbacked(dx, h)
-    assert Walls(obstacle, box=box).has_unbacked(dx, h)
-    assert Walls(obstacle, box=box, plates=elsewhere).has_unbacked(dx, h)
-    assert not Walls(obstacle, box=box, plates=around).has_unbacked(dx, h)
-    assert not Walls(box=box).has_unbacked(dx, h)
+    assert Walls(tank).unbacked(dx, h).any()
+    assert not Walls(tank, box=box).unbacked(dx, h).any()
+    assert Walls(obstacle, box=box).unbacked(dx, h).any()
+    assert Walls(obstacle, box=box, plates=elsewhere).unbacked(dx, h).any()
+    assert not Walls(obstacle, box=box, plates=around).unbacked(dx, h).any()
+    assert not Walls(box=box).unbacked(dx, h).any()
 
 
 def test_a_hole_of_one_particle_is_no_wall():

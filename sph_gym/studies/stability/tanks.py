@@ -49,7 +49,7 @@ def tank(
 
     Its right wall stands at the width itself, which need not be a multiple of dx.
     """
-    walls = tank_particles(width, height, dx)
+    walls = tank_particles(width, height, dx, layers=3)
     fitting = snap(width, dx)
     walls[walls[:, 0] > fitting, 0] += width - fitting
     acting: dict[str, Any] = {"gravity": (0.0, -G), "xsph": True, "artificial_viscosity": 0.05}

@@ -7,9 +7,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sph_gym.solver.gravity import Gravity
+from sph_gym.solver.kernels import ALL_KERNELS, density_kernel
 from sph_gym.solver.state import Floats
 from sph_gym.solver.thickness import (
     LINK,
@@ -20,6 +20,7 @@ from sph_gym.solver.thickness import (
     measure,
     needed_layers,
 )
+from sph_gym.solver.tunnelling import INSIDE_WALL
 from sph_gym.solver.walls import Walls
 
 # Share of dx by which a place may be wrong through rounding.
@@ -27,8 +28,10 @@ ROUNDING = 1e-6
 # Density at the start [rho0]: more of it, in the mean or at one particle, makes a burst; less in
 # the mean is not the fluid of these numbers.
 DENSE, DENSEST, SPARSE = 1.03, 1.5, 0.5
-# Share of the layers' kernel sum that the measured one must reach.
-COMPLETE = 0.95
+# Share of the boundary particles that may be in thinner places.
+STRAYS = 0.02
+# Multiple of dx: in a wall, a boundary particle is nearer, since a square's diagonal is sqrt(2) dx.
+NEAREST = 0.75
 # Multiple of their sizes that fluid and walls may be apart.
 FAR = 10.0
 
@@ -36,22 +39,36 @@ FAR = 10.0
 # --- What is refused ------------------------------------------------------------------------
 
 
-def check_places(x: Floats, walls: Walls, dx: float) -> None:
-    """Raise ValueError for fluid at (n, 2) [m] outside of the box or in boundary particles."""
+def check_places(scene: Any) -> None:
+    """Raise ValueError for fluid outside of the box or in walls of boundary particles."""
+    x, walls, dx = np.asarray(scene.x), scene.walls, scene.dx
     slack = ROUNDING * dx + 4 * np.finfo(float).eps * float(np.abs(x).max())
     if walls.box is not None:
         low, high = np.array(walls.box[::2]), np.array(walls.box[1::2])
         outside = ((x < low - slack) | (x > high + slack)).any(axis=1)
         _refuse(x, outside, f"within walls.box = {walls.box}", "outside of it")
     if walls.particles is not None:
-        inside = np.zeros(len(x), bool)
-        for i, _, _ in close_pairs(x, images(walls, dx / 2), dx / 2 - slack):
-            inside[i] = True
-        wanted = f"at least dx / 2 = {dx / 2:g} m from walls.particles"
-        _refuse(x, inside, wanted, "nearer than that")
+        wanted = f"at least dx / 2 = {dx / 2:g} m from walls.particles, and not between them"
+        _refuse(x, _walled(scene, slack), wanted, "there")
 
 
-def _refuse(x: Floats, wrong: NDArray[np.bool_], wanted: str, found: str) -> None:
+def _walled(scene: Any, slack: float) -> Any:
+    """Return (n,) which fluid is nearer than dx / 2 to boundary particles, or between them."""
+    x, dx, shape = np.asarray(scene.x), scene.dx, ALL_KERNELS[scene.fluid.kernel](scene.h)
+    walls, walled, near = images(scene.walls, scene.h), np.zeros(len(x), bool), []
+    # no place in a wall is farther from all of its particles
+    for i, _, distance in close_pairs(x, walls, NEAREST * dx):
+        walled[i[distance < dx / 2 - slack]] = True
+        near.append(np.unique(i))
+    chosen = np.concatenate([np.zeros(0, int), *near])
+    share = np.zeros(len(x))
+    for i, _, distance in close_pairs(x[chosen], walls, scene.h):
+        share[chosen] += np.bincount(i, density_kernel(shape, distance), len(chosen))
+    full = layer_share(math.inf, scene.fluid.kernel, scene.h, dx)
+    return walled | (share > INSIDE_WALL * full)
+
+
+def _refuse(x: Floats, wrong: Any, wanted: str, found: str) -> None:
     if not wrong.any():
         return
     first, low, high = int(np.argmax(wrong)), x[wrong].min(axis=0), x[wrong].max(axis=0)
@@ -125,17 +142,17 @@ def _thin(scene: Any) -> list[tuple[float, float, str]]:
         return [(nearest, LINK, text)]
     # at a face of the box or of plates, fluid touches walls but can't enter
     wanted = np.where(walls.unbacked(dx, h), needed, max(needed - 1, 1))
-    enough = np.array([layer_share(each, kernel, h, dx) for each in (wanted.min(), wanted.max())])
-    demand = COMPLETE * np.where(wanted == wanted.max(), enough[1], enough[0])
-    thin = linked & (thickness.share < demand)
-    if not thin.any():
+    shares = np.array([layer_share(each, kernel, h, dx) for each in range(needed + 1)])
+    # halfway between as many layers and one less
+    thin = linked & (thickness.share < (shares[wanted - 1] + shares[wanted]) / 2)
+    if thin.sum() <= STRAYS * len(thin):
         return []
-    layers = count_layers(float(np.median(thickness.share[thin])), kernel, h, dx)
+    layers = count_layers(float(np.quantile(thickness.share[thin], 0.1)), kernel, h, dx)
     text = (
         f"{int(thin.sum())} of {len(thin)} walls.particles belong to walls of about {layers} "
-        f"layer{'s' if layers > 1 else ''}, fewer than the {needed} that a support of h = {h / dx:.3g} dx "
-        f"needs: fluid may pass them; layers={needed} holds it, and so does a box or a plate at "
-        "their face"
+        f"layer{'s' if layers > 1 else ''}, fewer than the {needed} that a support of h = "
+        f"{h / dx:.3g} dx needs: fluid may pass them; layers={needed} holds it, and so does a box "
+        "or a plate at their face"
     )
     return [(needed / layers, 1.0, text)]
 

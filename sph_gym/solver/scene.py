@@ -186,7 +186,7 @@ class Scene:
                     f"x: expected positions in walls.{name} = [{ends[0]:g}, {ends[1]:g}), got "
                     f"{place.min():g} to {place.max():g}"
                 )
-        check_places(np.asarray(self.x), walls, self.dx)
+        check_places(self)
 
 
 def sound_speed(v_max: float) -> float:

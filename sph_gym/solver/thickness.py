@@ -6,7 +6,7 @@ lattice: 1 deep inside of a wall, and the less, the fewer layers a wall has.
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class Thickness(NamedTuple):
     gap: Floats
 
 
-def close_pairs(x: Floats, others: Floats, reach: float) -> Iterator[tuple[Floats, ...]]:
+def close_pairs(x: Floats, others: Floats, reach: float) -> Iterator[tuple[NDArray[Any], ...]]:
     """Yield i, j and the distance [m] of all pairs nearer than `reach` [m], some at a time.
 
     x, others: (n, 2), (m, 2) [m]; all pairs of one i come together.
@@ -92,9 +92,9 @@ def layer_share(layers: float, kernel: str, h: float, dx: float) -> float:
 
 def count_layers(share: float, kernel: str, h: float, dx: float) -> int:
     """Return the number of layers whose share is nearest to a measured one."""
-    n = np.arange(1, 2 * needed_layers(h, dx))
+    n = range(1, 2 * needed_layers(h, dx))
     shares = np.array([layer_share(each, kernel, h, dx) for each in n])
-    return int(n[np.argmin(np.abs(shares - share))])
+    return n[int(np.argmin(np.abs(shares - share)))]
 
 
 def is_linked(thickness: Thickness, dx: float) -> NDArray[np.bool_]:

@@ -39,7 +39,7 @@ class UnbackedWalls(NamedTuple):
 
 
 @jitable
-def first_walled(walls, model, fluid, lists, i, n, of_walls, dt):
+def first_walled(walls, model, cells, i, n, of_walls, dt):
     """Return the first of n lanes from particle i on that is in a wall or passed it, or -1.
 
     of_walls: the contribution of walls to their densities.
@@ -47,44 +47,42 @@ def first_walled(walls, model, fluid, lists, i, n, of_walls, dt):
     if walls is None:
         return -1
     share = of_walls * like(of_walls, model.eos.inv_rho0)
+    unbacked, fluid = model.unbacked_walls, cells.fluid
     inside = first_true((share > like(share, INSIDE_WALL)) & first_lanes(share, n))
     if inside < 0:
-        inside = first_leap(model.unbacked_walls, walls, fluid, i, n, model.constants, dt)
+        inside = first_leap(unbacked, walls, fluid, i, n, model.constants, dt)
     if inside < 0:
-        inside = first_passing(model, walls, fluid, lists, i, n, share, dt)
+        inside = first_passing(unbacked, model, cells, i, n, share, dt)
     return inside
 
 
 @jitable
-def first_passing(model, walls, fluid, lists, i, n, share, dt):
+def first_passing(unbacked, model, cells, i, n, share, dt):
     """Return the first of n lanes that is between the particles of an unbacked wall, or -1."""
-    if model.unbacked_walls is None:
+    if unbacked is None:
         return -1
-    near = share > like(share, model.unbacked_walls.gate)
+    near = share > like(share, unbacked.gate)
     first = first_true(near & first_lanes(share, n))
     if first < 0:
         return -1
-    begin, end = wall_range(lists, i)
+    # they are few
     for lane in range(first, n):
-        step2 = dt * dt * (fluid.u[i + lane] ** 2 + fluid.v[i + lane] ** 2)
-        if passes(model, walls, lists, begin, end, fluid.x[i + lane], fluid.y[i + lane], step2):
+        if passes(unbacked, model.constants, cells, i, lane, dt):
             return lane
     return -1
 
 
 @jitable
-def passes(model, walls, lists, begin, end, x, y, step2):
-    """Return whether a particle at x, y [m] is on the middle of a wall, between its particles.
-
-    begin, end: of the listed boundary particles; step2: squared length of its last step [m^2].
-    """
-    constants, link = model.constants, model.unbacked_walls.link
-    middle = MIDDLE / LINK * link
-    near2 = max(middle * middle, step2 / 4)
+def passes(unbacked, constants, cells, i, lane, dt):
+    """Return whether a lane of the group of i is on the middle of a wall, between its particles."""
+    fluid, walls, lists, link = cells.fluid, cells.walls, cells.lists, float(unbacked.link)
+    begin, end = wall_range(lists, i)
+    x, y, u, v = fluid.x[i + lane], fluid.y[i + lane], fluid.u[i + lane], fluid.v[i + lane]
+    near2 = max((MIDDLE / LINK * link) ** 2, float(dt * dt * (u * u + v * v)) / 4)
     total = sum_x = sum_y = 0.0
     for k in range(begin, end):
         dx, dy = to_wall(constants, walls, neighbor(lists, k), x, y)
-        weight = max(constants.h * constants.h - dx * dx - dy * dy, 0.0) ** 2
+        weight = max(float(constants.h) ** 2 - dx * dx - dy * dy, 0.0) ** 2
         total, sum_x, sum_y = total + weight, sum_x + weight * dx, sum_y + weight * dy
     if not sum_x * sum_x + sum_y * sum_y < near2 * total * total:
         return False

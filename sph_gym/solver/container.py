@@ -1,6 +1,7 @@
 """The container of a fluid: how low its centre of mass can be without a loss of volume."""
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -89,12 +90,11 @@ def _frame(x: Floats, walls: Walls, dx: float) -> tuple[Any, tuple[int, int]]:
 
 
 def _free(low: Floats, shape: tuple[int, int], walls: Walls, dx: float) -> Mask:
-    """Return the cells of a map that neither boundary particles nor the box take."""
+    """Return the cells of a map that boundary particles, box and periodic domain leave free."""
     free = np.ones(shape, bool)
     if walls.particles is not None:
         free[tuple(np.floor((np.asarray(walls.particles) - low) / dx).astype(int).T)] = False
-    if walls.box is not None:
-        ends = walls.box[:2], walls.box[2:]
+    for ends in _sides(walls):
         inside = [
             (place > end[0]) & (place < end[1])
             for n, corner, end in zip(shape, low, ends, strict=True)
@@ -102,6 +102,14 @@ def _free(low: Floats, shape: tuple[int, int], walls: Walls, dx: float) -> Mask:
         ]
         free &= inside[0][:, None] & inside[1]
     return free
+
+
+def _sides(walls: Walls) -> Iterator[tuple[Any, Any]]:
+    """Yield the ends along x and y [m] of what bounds the fluid: the box, a periodic domain."""
+    if walls.box is not None:
+        yield walls.box[:2], walls.box[2:]
+    if walls.period_x is not None:
+        yield walls.period_x, (-math.inf, math.inf)
 
 
 def _fill(free: Mask, seed: Mask) -> Mask:

@@ -1,8 +1,7 @@
 """`Simulation`: a running solver in the hands of a Python user."""
 
 import math
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +14,12 @@ from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.model import particle_mass
 from sph_gym.solver.origin import moved, origin
+from sph_gym.solver.report import Report, Underway
 from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls
 from sph_gym.solver.warnings import Warning
-from sph_gym.solver.watch import FAST, LEVEL_AFTER, LOOK_EVERY, Watch
+from sph_gym.solver.watch import FAST, LEVEL_AFTER, LOOK_EVERY, ODD_ENERGY, Watch
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
@@ -32,45 +32,6 @@ MAX_SUBSTEPS = 10**12
 DEFAULT_XSPH = 0.3
 
 Array = NDArray[np.float64]
-
-
-class Report(NamedTuple):
-    """The result of one `advance`.
-
-    n_substeps: steps taken (the one that failed included); dt: their length [s]; diverged: x, v,
-    rho or p no longer finite, a speed above 5000 m/s, a particle inside of boundary particles
-    (`tunnelling.INSIDE_WALL`), or more energy from nowhere, or more of it at once, than the
-    ledger tolerates (`energy.Ledger`); cause: "" | "cfl" | "stiffness" | "clumping" |
-    "tunnelling" | "energy" | "nan"; link: the link of the chain where it first showed, "" |
-    "neighbours" | "density" | "pressure" | "force" | "integration" | "walls"; bad_particle: its
-    public index, or -1.
-    """
-
-    n_substeps: int
-    dt: float
-    diverged: bool = False
-    cause: str = ""
-    link: str = ""
-    bad_particle: int = -1
-
-
-@dataclass
-class _Underway:
-    """An `advance` that is under way: its plan, and how far it came.
-
-    seconds, dt, began: [s]; n_substeps: of all; longest: chunk, in substeps; done: substeps.
-    """
-
-    seconds: float
-    n_substeps: int
-    dt: float
-    began: float
-    longest: int
-    done: int = 0
-
-    def time(self, steps: int) -> float:
-        """Return the time [s] after so many substeps."""
-        return self.began + steps * self.dt
 
 
 class Simulation:
@@ -111,7 +72,7 @@ class Simulation:
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
         self._watch = Watch(scene, self.mass, self._check_densities() / scene.fluid.rho0)
         self._acceleration: tuple[Any, Any] | None = None
-        self._underway: _Underway | None = None
+        self._underway: Underway | None = None
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
         self._ledger = make_ledger(self._local, self.mass, self._totals)
@@ -225,7 +186,7 @@ class Simulation:
         dt = seconds / n_substeps
         frame = max(math.ceil(self.scene.frame / dt), 1)
         longest = min(frame, max(CHUNK // self.n_particles, 1))
-        self._underway = _Underway(seconds, n_substeps, dt, self.time, longest)
+        self._underway = Underway(seconds, n_substeps, dt, self.time, longest)
         self.last_report = Report(0, dt)
 
     @property
@@ -270,7 +231,7 @@ class Simulation:
         self.finish_chunk(steps, -1)
         self._underway = None
 
-    def _plan(self) -> _Underway:
+    def _plan(self) -> Underway:
         if self._underway is None:
             raise RuntimeError("no advance is under way")
         return self._underway
@@ -290,7 +251,8 @@ class Simulation:
         surplus, before, self._totals = self.energy_surplus, self._totals, self._sum()
         if self.scene.effects.field is not None:
             self._ledger.add_gravity(self._gravity_work(before, began))
-        self._watch.look_at_energy(self.energy_surplus, self._ledger.stake, self.time)
+        if self._ledger.excess(self._totals) > ODD_ENERGY:
+            self._watch.look_at_energy(self.energy_surplus, self.energy_at_stake, self.time)
         if not self._ledger.blown(self._totals, surplus):
             return report
         fluid = self.engine.fluid

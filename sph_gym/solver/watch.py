@@ -26,6 +26,8 @@ LEVEL = 0.25
 LOOK_EVERY, LEVEL_AFTER = 500, 5_000_000
 
 
+# Largest share of energy from nowhere.
+ODD_ENERGY = 0.05
 # Largest Mach number of a weakly compressible fluid, but for this share of the particles.
 FAST, FEW = 0.3, 0.01
 
@@ -45,7 +47,7 @@ class Oddity(NamedTuple):
 ODDITIES = {
     "energy": Oddity(
         "energy",
-        0.05,
+        ODD_ENERGY,
         "{0:.0%} of the energy at stake came from nowhere; a matched kernel (wendland_c2), more "
         "viscosity or a shorter dt keep it down",
     ),

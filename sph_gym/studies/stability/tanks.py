@@ -124,8 +124,9 @@ def far_dam(dx: float) -> Scene:
     scene = dam(dx)
     assert scene.walls is not None
     left, right, bottom, top = np.asarray(scene.walls.box) + np.repeat(AWAY, 2)
-    scene = with_walls(scene, lambda walls: walls + AWAY, box=(left, right, bottom, top))
-    return replace(scene, x=np.add(scene.x, AWAY))
+    particles = np.asarray(scene.walls.particles) + AWAY
+    walls = replace(scene.walls, particles=particles, box=(left, right, bottom, top))
+    return replace(scene, x=np.add(scene.x, AWAY), walls=walls)
 
 
 def packaged(name: str, dx: float, **arguments: Any) -> Scene:

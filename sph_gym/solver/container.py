@@ -47,6 +47,7 @@ def lowest_fill(scene: Any) -> Fill | None:
     seed = np.zeros(shape, bool)
     seed[columns, np.minimum(rows, rim)] = True
     free[:, rim + 1 :] = False
+    free &= seed | ~_beside_plates(low, shape, walls, dx)
     region = _fill(free, seed)
     open_sides = walls.period_x is None and (region[0].any() or region[-1].any())
     if open_sides or region[:, 0].any() or region.sum() < len(x):
@@ -63,9 +64,14 @@ def lowest_fill(scene: Any) -> Fill | None:
 def _rim(low: Floats, shape: tuple[int, int], walls: Walls, dx: float) -> int:
     """Return the highest row of a map that walls hold from the sides: over a rim, fluid leaves."""
     boxed = walls.box is not None and math.isfinite(walls.box[0]) and math.isfinite(walls.box[1])
-    if boxed or walls.period_x is not None or walls.particles is None:
+    if boxed or walls.period_x is not None:
         return shape[1] - 1
-    return int((np.asarray(walls.particles)[:, 1].max() - low[1]) / dx)
+    tops = [float(low[1])]
+    if walls.particles is not None:
+        tops.append(float(np.asarray(walls.particles)[:, 1].max()) + dx / 2)
+    if walls.plates is not None:
+        tops.append(float(np.asarray(walls.plates)[:, 1::2].max()))
+    return max(math.floor((max(tops) - low[1]) / dx + 1e-6) - 1, 0)
 
 
 def _frame(x: Floats, walls: Walls, dx: float) -> tuple[Any, tuple[int, int]]:
@@ -76,6 +82,8 @@ def _frame(x: Floats, walls: Walls, dx: float) -> tuple[Any, tuple[int, int]]:
     points = [x]
     if walls.particles is not None:
         points.append(np.asarray(walls.particles))
+    if walls.plates is not None:
+        points.append(np.asarray(walls.plates).reshape(-1, 2))
     if walls.box is not None:
         ends = np.array(walls.box).reshape(2, 2).T
         points.append(np.where(np.isfinite(ends), ends, x.min(axis=0)))
@@ -102,6 +110,21 @@ def _free(low: Floats, shape: tuple[int, int], walls: Walls, dx: float) -> Mask:
         ]
         free &= inside[0][:, None] & inside[1]
     return free
+
+
+def _beside_plates(low: Floats, shape: tuple[int, int], walls: Walls, dx: float) -> Mask:
+    """Return the cells of a map along plates, on both sides of them."""
+    beside = np.zeros(shape, bool)
+    for plate in () if walls.plates is None else np.asarray(walls.plates):
+        along = plate[2:] - plate[:2]
+        length = float(np.hypot(*along))
+        share = np.linspace(0.0, 1.0, min(math.ceil(4 * length / dx), 4 * sum(shape)) + 1)
+        normal = np.array([-along[1], along[0]]) * (dx / 2 / length)
+        for side in (-1, 0, 1):
+            cells = np.floor((plate[:2] + share[:, None] * along + side * normal - low) / dx)
+            within = cells[((cells >= 0) & (cells < shape)).all(axis=1)].astype(int)
+            beside[tuple(within.T)] = True
+    return beside
 
 
 def _sides(walls: Walls) -> Iterator[tuple[Any, Any]]:

@@ -181,7 +181,9 @@ class Watch:
         lowest, floor, _, _ = self._container
         height = totals.com_y + shift[1]
         change = (height - lowest) / (lowest - floor)
-        slack = LEVEL * self._scene.dx / (lowest - floor)
+        # a map of cells is off by one beside plates
+        plates = self._scene.walls is not None and self._scene.walls.plates is not None
+        slack = (LEVEL + plates) * self._scene.dx / (lowest - floor)
         if -change - slack > ODDITIES["loss"].limit:
             self._note("loss", -change, time)
         elif change - slack > ODDITIES["swelling"].limit and totals.kinetic < self._rest:

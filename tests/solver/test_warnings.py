@@ -67,7 +67,7 @@ def test_fluid_outside_of_its_box_is_refused_with_count_and_place(shift, gone):
     box = Walls(box=(0.0, 0.5, 0.0, math.inf))
     with pytest.raises(ValueError, match=rf"x: expected .*walls\.box.*got {gone} of 100.*index"):
         at_rest(box, lattice(0, 0.5, 0, 0.5, 0.05) + shift)
-    at_rest(box, lattice(0, 0.5, 0, 0.5, 0.05) + (0.02, -0.02))
+    at_rest(box, lattice(0, 0.5, 0, 0.5, 0.05) + np.array((0.02, -0.02)))
 
 
 def test_fluid_on_a_side_of_its_box_is_legal_wherever_that_is():
@@ -293,7 +293,7 @@ def test_clumped_particles_are_counted_as_the_diagnostics_count_them(configurati
 
 def test_clumping_is_told_without_being_asked_for(monkeypatch):
     monkeypatch.setattr("sph_gym.solver.simulation.LOOK_EVERY", 5)
-    sim = simulation("none", "disordered")
+    sim = simulation("none", "overlapping")
     sim.advance(4 * sim.controls.dt)
     assert "clumping" not in sim._watch._found
     sim.advance(4 * sim.controls.dt)
@@ -312,6 +312,10 @@ def test_the_lowest_that_a_fluid_can_lie_in_its_container():
     block = Walls(np.concatenate([tank, lattice(0.5, 1.0, 0.0, 0.1, 0.05)]))
     filled = 0.05 * 0.05 + 0.2 * 0.2
     assert lowest_fill(at_rest(block, x)) == pytest.approx((filled / 0.25, 0.0, 0.0, 1.0))
+    plates = [(0.0, -0.1, 0.0, 2.0), (-0.1, 0.0, 1.1, 0.0), (1.0, -0.1, 1.0, 2.0)]
+    assert lowest_fill(at_rest(Walls(plates=plates), x))[0] == pytest.approx(0.125, abs=0.05)
+    weir = Walls(box=wide, plates=[(0.5, 0.0, 0.5, 1.0)])
+    assert lowest_fill(at_rest(weir, x)) == pytest.approx((0.25, 0.0, 0.0, 0.5))
     endless = Walls(lattice(0, 1, -0.15, 0, 0.05), period_x=(0.0, 1.0))
     assert lowest_fill(at_rest(endless, x))[:2] == pytest.approx((0.125, 0.0))
     plate = Walls(plate_particles((-1.0, -0.1), (1.0, -0.1), 0.05))

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.solver.gravity import Gravity
 from sph_gym.solver.state import Floats
 from sph_gym.solver.walls import Walls
 
@@ -42,7 +43,8 @@ def lowest_fill(scene: Any) -> Fill | None:
     low, shape = _frame(x, walls, dx)
     if low is None or np.prod(shape) > MOST_CELLS:
         return None
-    free, rim = _free(low, shape, walls, dx), _rim(low, shape, walls, dx)
+    free = _free(low, shape, walls, dx)
+    rim = min(_rim(low, shape, walls, dx), _highest(low, shape, scene))
     columns, rows = np.floor((x - low) / dx).astype(int).T
     seed = np.zeros(shape, bool)
     seed[columns, np.minimum(rows, rim)] = True
@@ -72,6 +74,16 @@ def _rim(low: Floats, shape: tuple[int, int], walls: Walls, dx: float) -> int:
     if walls.plates is not None:
         tops.append(float(np.asarray(walls.plates)[:, 1::2].max()))
     return max(math.floor((max(tops) - low[1]) / dx + 1e-6) - 1, 0)
+
+
+def _highest(low: Floats, shape: tuple[int, int], scene: Any) -> int:
+    """Return the highest row of a map that uniform gravity lets the fluid rise to."""
+    field = scene.effects.field
+    if not isinstance(field, Gravity) or not field.y < 0:
+        return shape[1] - 1
+    speed2 = float((np.asarray(scene.v) ** 2).sum(axis=1).max())
+    rise = np.asarray(scene.x)[:, 1].max() - low[1] + speed2 / (2 * abs(field.y))
+    return int(min(rise / scene.dx + 1, shape[1] - 1))
 
 
 def _frame(x: Floats, walls: Walls, dx: float) -> tuple[Any, tuple[int, int]]:

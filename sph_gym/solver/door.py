@@ -28,8 +28,8 @@ SLACK = 0.05
 # Density at the start [rho0]: more of it, in the mean or at one particle, makes a burst; less in
 # the mean is not the fluid of these numbers.
 DENSE, DENSEST, SPARSE = 1.03, 1.5, 0.5
-# Share of the boundary particles that may be in thinner places.
-STRAYS = 0.02
+# Boundary particles that may be in thinner places.
+STRAYS = 3
 # Multiple of dx: in a wall, a boundary particle is nearer, since a square's diagonal is sqrt(2) dx.
 NEAREST = 0.75
 # Multiple of their sizes that fluid and walls may be apart.
@@ -145,7 +145,7 @@ def _thin(scene: Any) -> list[tuple[float, float, str]]:
     shares = np.array([layer_share(each, kernel, h, dx) for each in range(needed + 1)])
     # halfway between as many layers and one less
     thin = linked & (thickness.share < (shares[wanted - 1] + shares[wanted]) / 2)
-    if thin.sum() <= STRAYS * len(thin):
+    if thin.sum() <= STRAYS:
         return []
     layers = count_layers(float(np.quantile(thickness.share[thin], 0.1)), kernel, h, dx)
     text = (

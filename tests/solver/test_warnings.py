@@ -144,6 +144,13 @@ def test_walls_thinner_than_the_support_are_told_with_the_layers_that_it_needs(h
                 assert f"about {layers} layer" in text
 
 
+def test_one_thin_plate_in_a_large_tank_is_told():
+    tank = tank_particles(5.0, 1.0, 0.05, layers=3)
+    plate = plate_particles((3.0, 0.3), (3.2, 0.5), 0.05, layers=1)
+    [text] = odd(at_rest(Walls(np.concatenate([tank, plate]))))
+    assert f"{len(plate)} of {len(tank) + len(plate)} walls.particles" in text
+
+
 def test_a_box_needs_a_layer_less_at_its_sides():
     box = (0.0, 0.5, 0.0, math.inf)
     for layers in (1, 2, 3):

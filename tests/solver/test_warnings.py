@@ -299,11 +299,11 @@ def test_clumped_particles_are_counted_as_the_diagnostics_count_them(configurati
 
 
 def test_clumping_is_told_without_being_asked_for(monkeypatch):
-    monkeypatch.setattr("sph_gym.solver.simulation.LOOK_EVERY", 5)
-    sim = simulation("none", "overlapping")
-    sim.advance(4 * sim.controls.dt)
+    monkeypatch.setattr("sph_gym.solver.simulation.LOOK_EVERY", 2)
+    sim = simulation("none", "overlapping", speed=0.0)
+    sim.advance(sim.controls.dt)
     assert "clumping" not in sim._watch._found
-    sim.advance(4 * sim.controls.dt)
+    sim.advance(sim.controls.dt)
     assert "clumping" in sim._watch._found
     assert of_kind(sim, "clumping").since == sim.time
 

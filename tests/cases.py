@@ -41,7 +41,7 @@ ALL_EFFECTS = Effects(
     gravity=(1.5, -9.81), xsph=True, artificial_viscosity=0.3, laminar_viscosity=0.02
 )
 STILL = replace(ALL_EFFECTS, gravity=(0.0, 0.0))
-TANK = tank_particles(WIDTH, 1.25 * WIDTH, DX)
+TANK = tank_particles(WIDTH, 1.25 * WIDTH, DX, layers=3)
 BOX = (0.0, WIDTH, 0.0, np.inf)
 WALLS = Walls(particles=TANK, box=BOX, restitution=0.5)
 

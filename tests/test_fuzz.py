@@ -190,13 +190,16 @@ def scenes(draw, configuration, dtype):
         c0=c0, kernel="mueller", rho0=draw(st.floats(1e-3, 1e5)), clamp=draw(st.booleans())
     )
     if walls is not None:
-        scale = draw(st.floats(0.5, 2.0)) * dx / 0.02
+        size = draw(st.floats(0.5, 2.0))
+        scale = size * dx / 0.02
+        # a tank, 12 dx wide times its size, stands around the fluid, which may not begin in it
+        x *= min((6 * size - 0.6) / 5, 1.0)
         low, high = -10 * dx, 10 * dx
         # one behind each side that isn't to mirror the fluid
         behind = [(low - dx / 2, high - dx), (high + dx / 2, high - dx), (high - dx, low - dx / 2)]
         parts["walls"] = replace(
             walls,
-            particles=np.concatenate([scale * np.asarray(walls.particles), behind]),
+            particles=np.concatenate([scale * (np.asarray(walls.particles) - 6 * 0.02), behind]),
             box=(low, high, low, math.inf),
             restitution=draw(st.floats(0.0, 1.0)),
         )

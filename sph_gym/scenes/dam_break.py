@@ -38,7 +38,8 @@ def dam_break(
     height, gravity = in_range("height", height, 3 * dx), positive("gravity", gravity)
     length = snap(width * in_range("tank", tank, 1.0), dx)
     sides = 1.25 * height
-    x, walls = lattice(0.0, width, 0.0, height, dx), tank_particles(length, sides, dx)
+    x = lattice(0.0, width, 0.0, height, dx)
+    walls = tank_particles(length, sides, dx, layers=3)
     start = snap(width, dx)
     if in_range("wet_bed", wet_bed, 0.0, 0.9 * height) > 0 and length - start > dx / 2:
         x = np.concatenate([x, lattice(start, length, 0.0, snap(wet_bed, dx), dx)])

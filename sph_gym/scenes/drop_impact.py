@@ -50,7 +50,7 @@ def drop_impact(
         fluid=Fluid(c0=sound_speed(v_max), kernel="mueller"),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
         walls=Walls(
-            particles=tank_particles(width, middle, dx),
+            particles=tank_particles(width, middle, dx, layers=3),
             box=(0.0, width, 0.0, math.inf),
         ),
         duration=fall + 1.5 * width / math.sqrt(gravity * pool_depth),

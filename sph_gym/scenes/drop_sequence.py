@@ -55,7 +55,7 @@ def drop_sequence(
         fluid=Fluid(c0=sound_speed(float(fastest)), kernel="mueller"),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
         walls=Walls(
-            particles=tank_particles(width, pool_depth + 3 * diameter, dx),
+            particles=tank_particles(width, pool_depth + 3 * diameter, dx, layers=3),
             box=(0.0, width, 0.0, math.inf),
         ),
         duration=float(arrivals[-1]) + 2 * interval,

@@ -55,7 +55,7 @@ def hydrostatic_tank(
             artificial_viscosity=0.3,
         ),
         walls=Walls(
-            particles=tank_particles(width, 1.25 * depth, dx),
+            particles=tank_particles(width, 1.25 * depth, dx, layers=3),
             box=(0.0, width, 0.0, math.inf),
             pressure="extrapolated",
             slip="free-slip",

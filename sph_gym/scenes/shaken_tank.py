@@ -54,7 +54,7 @@ def shaken_tank(
             artificial_viscosity=0.02,
         ),
         walls=Walls(
-            particles=tank_particles(length, 1.5 * climb, dx),
+            particles=tank_particles(length, 1.5 * climb, dx, layers=3),
             box=(0.0, length, 0.0, math.inf),
         ),
         duration=(shakes + rest) * period,

@@ -60,7 +60,7 @@ def sloshing(
             gravity=RollingTank(gravity, roll, 1 / period, pivot=(length / 2, 0.0)), xsph=True
         ),
         walls=Walls(
-            particles=tank_particles(length, height, dx, lid=True),
+            particles=tank_particles(length, height, dx, layers=3, lid=True),
             box=(0.0, length, 0.0, height),
             pressure="extrapolated",
             slip="free-slip",

@@ -52,7 +52,7 @@ def standing_wave(
         fluid=Fluid(c0=c0, kernel="quintic_spline"),
         effects=Effects(gravity=(0.0, -gravity), xsph=True),
         walls=Walls(
-            particles=tank_particles(length, 1.5 * depth, dx),
+            particles=tank_particles(length, 1.5 * depth, dx, layers=3),
             box=(0.0, length, 0.0, math.inf),
             pressure="extrapolated",
             slip="free-slip",

@@ -269,7 +269,7 @@ def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
             if k > room:
                 return k, walled
             rho, of_walls = density(model.effects.continuity, fluid, i, walls, lists, model)
-            inside = first_walled(walls, model, fluid, i, n, of_walls, dt)
+            inside = first_walled(walls, model, cells, i, n, of_walls, dt)
             if inside >= 0 and walled < 0:
                 walled = i + inside
             store_density(fluid, i, n, rho, model.eos)

@@ -37,6 +37,7 @@ from sph_gym.solver.stepping import (
     World,
 )
 from sph_gym.solver.target import n_lanes
+from sph_gym.solver.thickness import close_pairs
 
 # Least work that other threads are woken for: particles of each, and particle-steps of one call.
 PARTICLES_PER_THREAD = 256
@@ -293,6 +294,15 @@ class Engine:
             *self.records(), self.controls, stale, np.array(request), self._columns, numbers
         )
         return numbers
+
+    def count_walled(self) -> int:
+        """Return the number of fluid particles that touch boundary particles, at least 1."""
+        walls, near = self.world.walls.particles, 0.55 * self._scene.dx
+        assert walls is not None
+        n_walls, n = walls.id.size, self.n
+        x = np.stack([self.fluid.x[:n], self.fluid.y[:n]], axis=-1).astype(np.float64)
+        others = np.stack([walls.x[:n_walls], walls.y[:n_walls]], axis=-1).astype(np.float64)
+        return max(len({k for i, _, _ in close_pairs(x, others, near) for k in i.tolist()}), 1)
 
     def _column(self, k: int) -> NDArray[Any]:
         assert self._columns is not None

@@ -11,6 +11,10 @@ import numpy as np
 from sph_gym.solver.checks import countable, finite_array, number, positive, whole
 from sph_gym.solver.state import Floats
 
+# Layers of boundary particles by default: as many as a support radius of up to 4 dx needs. With
+# fewer than h / dx of them, particles find their way through.
+LAYERS = 4
+
 
 def snap(length: float, dx: float) -> float:
     """The multiple of dx nearest to a length, at least dx: where a lattice of spacing dx fits."""
@@ -50,12 +54,13 @@ def disc(x: float, y: float, radius: float, dx: float) -> Floats:
 
 
 def tank_particles(
-    width: float, height: float, dx: float, layers: int = 3, lid: bool = False
+    width: float, height: float, dx: float, layers: int = LAYERS, lid: bool = False
 ) -> Floats:
     """Floor and side walls of a tank, `layers` deep, in step with a lattice of spacing dx.
 
     The inner faces are x = 0, x = width (to the nearest multiple of dx) and y = 0, the walls at
-    least `height` high; with a `lid`, the tank is closed at `height`. Returns (n, 2) [m].
+    least `height` high; with a `lid`, the tank is closed at `height`. layers: at least h / dx.
+    Returns (n, 2) [m].
     """
     dx, layers = positive("dx", dx), whole("layers", layers, at_least=1)
     columns, rows = positive("width", width) / dx, positive("height", height) / dx
@@ -69,11 +74,11 @@ def tank_particles(
     return (np.stack([i[outside], j[outside]], axis=-1) + 0.5) * dx
 
 
-def channel_particles(length: float, height: float, dx: float, layers: int = 3) -> Floats:
+def channel_particles(length: float, height: float, dx: float, layers: int = LAYERS) -> Floats:
     """The two walls of a channel from x = 0 to `length`, inner faces y = 0 and y = height.
 
     In step with a lattice of spacing dx; length and height are rounded to multiples of it.
-    Returns (n, 2) [m], the lower wall first.
+    layers: at least h / dx. Returns (n, 2) [m], the lower wall first.
     """
     length, height = positive("length", length), positive("height", height)
     layers, height = whole("layers", layers, at_least=1), snap(height, dx)
@@ -82,9 +87,13 @@ def channel_particles(length: float, height: float, dx: float, layers: int = 3) 
 
 
 def plate_particles(
-    start: tuple[float, float], end: tuple[float, float], dx: float, layers: int = 1
+    start: tuple[float, float], end: tuple[float, float], dx: float, layers: int = LAYERS
 ) -> Floats:
-    """A straight thin obstacle from `start` to `end` [m], `layers` deep about that line. (n, 2)."""
+    """A straight wall from `start` to `end` [m], `layers` deep, half of them on either side.
+
+    Its faces are layers dx / 2 from that line. layers: at least h / dx; through fewer of them
+    particles find their way. Returns (n, 2) [m].
+    """
     begin, finish = finite_array("start", start, (2,)), finite_array("end", end, (2,))
     dx, layers = positive("dx", dx), whole("layers", layers, at_least=1)
     along = finish - begin

@@ -22,7 +22,8 @@ from sph_gym.solver.periodic import Period, make_period
 from sph_gym.solver.registry import Given
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
-from sph_gym.solver.tunnelling import LEAP, REACH, UnbackedWalls
+from sph_gym.solver.thickness import LINK, is_linked, measure
+from sph_gym.solver.tunnelling import GATE, INSIDE_WALL, LEAP, REACH, UnbackedWalls
 from sph_gym.solver.walls import Walls
 
 # Factor of h^2 for the lists: all within h must be on them, however distances were rounded.
@@ -199,10 +200,14 @@ def _plates(walls: Walls | None, dx: float, number: Any) -> Plates | None:
 
 
 def _unbacked_walls(scene: Scene, number: Any) -> UnbackedWalls | None:
-    walls = scene.walls
-    if walls is None or not walls.has_unbacked(scene.dx, scene.h):
+    walls, dx, h = scene.walls, scene.dx, scene.h
+    if walls is None or walls.particles is None or not (unbacked := walls.unbacked(dx, h)).any():
         return None
-    return UnbackedWalls(number(LEAP * scene.h), number(REACH * scene.dx))
+    thickness = measure(np.asarray(walls.particles), scene.fluid.kernel, h, dx)
+    thinnest = thickness.share[unbacked & is_linked(thickness, dx)].min(initial=INSIDE_WALL)
+    return UnbackedWalls(
+        number(LEAP * h), number(REACH * dx), number(GATE * thinnest), number(dx * LINK)
+    )
 
 
 def _extrapolation(scene: Scene, number: Any) -> Extrapolation | None:

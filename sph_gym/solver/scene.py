@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sph_gym.solver.checks import finite_array, in_range, known, positive
+from sph_gym.solver.door import check_places
 from sph_gym.solver.effects import Effects
 from sph_gym.solver.integrators import INTEGRATORS, VISCOUS_SHARES
 from sph_gym.solver.kernels import ALL_KERNELS, viscous_share
@@ -92,8 +93,8 @@ class Scene:
     before time 0 if it is at rest; densities by continuity simply begin with those values.
 
     Raises ValueError that names the argument, for wrong shapes and types, non-finite numbers, no
-    particles at all, dx or h outside [1e-12, 1e12] m, h < dx or h > 100 dx, and times that aren't
-    positive.
+    particles at all, dx or h outside [1e-12, 1e12] m, h < dx or h > 100 dx, times that aren't
+    positive, and fluid outside of the box or within half a spacing of boundary particles.
     """
 
     name: str
@@ -199,6 +200,7 @@ class Scene:
                     f"x: expected positions in walls.{name} = [{ends[0]:g}, {ends[1]:g}), got "
                     f"{place.min():g} to {place.max():g}"
                 )
+        check_places(self)
 
     def _check_hydrostatic(self) -> None:
         """Check that there is weight, and something that it may rest on."""

@@ -1,8 +1,7 @@
 """`Simulation`: a running solver in the hands of a Python user."""
 
 import math
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,12 @@ from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.model import particle_mass
 from sph_gym.solver.origin import moved, origin
+from sph_gym.solver.report import Report, Underway
 from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls
+from sph_gym.solver.warnings import Warning
+from sph_gym.solver.watch import FAST, LEVEL_AFTER, LOOK_EVERY, ODD_ENERGY, Watch
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
@@ -29,45 +31,6 @@ MAX_SUBSTEPS = 10**12
 DEFAULT_XSPH = 0.3
 
 Array = NDArray[np.float64]
-
-
-class Report(NamedTuple):
-    """The result of one `advance`.
-
-    n_substeps: steps taken (the one that failed included); dt: their length [s]; diverged: x, v,
-    rho or p no longer finite, a speed above 5000 m/s, a particle inside of boundary particles
-    (`tunnelling.INSIDE_WALL`), or more energy from nowhere, or more of it at once, than the
-    ledger tolerates (`energy.Ledger`); cause: "" | "cfl" | "stiffness" | "clumping" |
-    "tunnelling" | "energy" | "nan"; link: the link of the chain where it first showed, "" |
-    "neighbours" | "density" | "pressure" | "force" | "integration" | "walls"; bad_particle: its
-    public index, or -1.
-    """
-
-    n_substeps: int
-    dt: float
-    diverged: bool = False
-    cause: str = ""
-    link: str = ""
-    bad_particle: int = -1
-
-
-@dataclass
-class _Underway:
-    """An `advance` that is under way: its plan, and how far it came.
-
-    seconds, dt, began: [s]; n_substeps: of all; longest: chunk, in substeps; done: substeps.
-    """
-
-    seconds: float
-    n_substeps: int
-    dt: float
-    began: float
-    longest: int
-    done: int = 0
-
-    def time(self, steps: int) -> float:
-        """Return the time [s] after so many substeps."""
-        return self.began + steps * self.dt
 
 
 class Simulation:
@@ -106,10 +69,11 @@ class Simulation:
         self._shift: tuple[float, float] = tuple(self._origin.tolist())
         self._local = hydrostatics.pressed(moved(scene, -self._origin), self._controls.stiffness)
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
-        self._check_densities()
+        densities = self._check_densities()
         hydrostatics.settle(self.engine, self._local, self._controls.stiffness)
+        self._watch = Watch(scene, self.mass, densities / scene.fluid.rho0)
         self._acceleration: tuple[Any, Any] | None = None
-        self._underway: _Underway | None = None
+        self._underway: Underway | None = None
         self.last_report = Report(0, self._controls.dt)
         self._totals = self._sum()
         self._ledger = make_ledger(self._local, self.mass, self._totals)
@@ -120,14 +84,19 @@ class Simulation:
             self._controls = self._controls._replace(dt=self.stable_dt())
         self.nominal_controls = self._controls
 
-    def _check_densities(self) -> None:
-        """Refuse lengths whose powers the precision can't hold: no density comes out of them."""
+    def _check_densities(self) -> Array:
+        """Return the summed densities (n,) [kg/m^3], in the order of the arrays.
+
+        Refuse lengths whose powers the precision can't hold: no density comes out of them.
+        """
         rho = self.engine.fluid.rho[: self.n_fluid]
         if not (np.isfinite(rho) & (rho > 0)).all():
             raise ValueError(
                 f"dtype: expected one that holds powers of h = {self.scene.h:g} m, got "
                 f"{self.dtype!r}, in which densities are from {rho.min():g} to {rho.max():g}"
             )
+        offset = self.engine.fluid.offset
+        return np.asarray(rho if offset is None else rho - offset[: self.n_fluid], np.float64)
 
     def _default_threads(self) -> int:
         n_fluid = len(np.asarray(self.scene.x))
@@ -222,7 +191,7 @@ class Simulation:
         dt = seconds / n_substeps
         frame = max(math.ceil(self.scene.frame / dt), 1)
         longest = min(frame, max(CHUNK // self.n_particles, 1))
-        self._underway = _Underway(seconds, n_substeps, dt, self.time, longest)
+        self._underway = Underway(seconds, n_substeps, dt, self.time, longest)
         self.last_report = Report(0, dt)
 
     @property
@@ -248,6 +217,13 @@ class Simulation:
         self._acceleration = None
         report = Report(plan.done, plan.dt)
         self.last_report = self._failed(report, bad) if bad >= 0 else self._audit(report, began)
+        if self.max_speed > FAST * self.sound_speed:
+            self._watch.look_at_speeds(self.engine, self.sound_speed, self.time)
+        before = self._substeps - steps
+        if self._substeps // LOOK_EVERY > before // LOOK_EVERY:
+            self._watch.look_at_neighbors(self.engine, self.time)
+            if self._substeps * self.n_fluid > LEVEL_AFTER:
+                self._look_at_level()
         if self.last_report.diverged:
             self._underway = None
         elif plan.done == plan.n_substeps:
@@ -260,7 +236,7 @@ class Simulation:
         self.finish_chunk(steps, -1)
         self._underway = None
 
-    def _plan(self) -> _Underway:
+    def _plan(self) -> Underway:
         if self._underway is None:
             raise RuntimeError("no advance is under way")
         return self._underway
@@ -280,6 +256,8 @@ class Simulation:
         surplus, before, self._totals = self.energy_surplus, self._totals, self._sum()
         if self.scene.effects.field is not None:
             self._ledger.add_gravity(self._gravity_work(before, began))
+        if self._ledger.excess(self._totals) > ODD_ENERGY:
+            self._watch.look_at_energy(self.energy_surplus, self.energy_at_stake, self.time)
         if not self._ledger.blown(self._totals, surplus):
             return report
         fluid = self.engine.fluid
@@ -290,6 +268,22 @@ class Simulation:
         if self._gravity.uniform is not None:
             return self._gravity.along_path(began, self.time, before, self._totals)
         return self._gravity.trapezoidal(began, self.time, self._local_x, self.v)
+
+    # --- warnings ---------------------------------------------------------------------------
+
+    @property
+    def warnings(self) -> tuple[Warning, ...]:
+        """What is odd about the run so far without being a blow-up, at most one of each kind.
+
+        Energy, speed and walls are looked at after each frame, neighbours and levels now and then;
+        reading this looks at the present state as well. It belongs to a snapshot.
+        """
+        self._watch.look_at_neighbors(self.engine, self.time)
+        self._look_at_level()
+        return self._watch.warnings()
+
+    def _look_at_level(self) -> None:
+        self._watch.look_at_level(self.engine, self._totals, self._shift, self.time)
 
     # --- failure ----------------------------------------------------------------------------
 
@@ -302,7 +296,9 @@ class Simulation:
         self._totals = self._sum()
         bad = int(np.flatnonzero(engine.fluid.id == index)[0])
         link, place, a = "walls", bad, self._acceleration_sizes()
-        if not walled:
+        if walled:
+            self._watch.count_passed(engine.count_walled(), self.time)
+        else:
             link, place = failure.broken_link(
                 engine.fluid, engine.walls, a, bad, self._local, self.mass
             )
@@ -487,6 +483,7 @@ class Simulation:
             "totals": tuple(self._totals),
             "substeps": self._substeps,
             "onset": tuple(self._onset),
+            "warnings": self._watch.state(),
         }
 
     def restore(self, snapshot: dict[str, Any]) -> None:
@@ -494,10 +491,12 @@ class Simulation:
 
         Raises ValueError if it is of another size, precision or form.
         """
-        state = read_snapshot(snapshot, self.engine, len(self._ledger.state()))
+        counts = len(self._ledger.state()), len(self._watch.state())
+        state = read_snapshot(snapshot, self.engine, *counts)
         self.time, self._controls, self._totals = state.time, state.controls, state.totals
         self._gravity.power, self._underway = state.power, None
         self._ledger.set_state(state.ledger)
+        self._watch.set_state(state.warnings)
         self._substeps, self._onset = state.substeps, state.onset
         self.engine.set_controls(state.controls)
         self.engine.set_state(state.fluid, state.clock)

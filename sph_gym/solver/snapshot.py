@@ -16,7 +16,8 @@ from sph_gym.solver.state import Controls
 class Snapshot(NamedTuple):
     """The parts of a snapshot, see `Simulation.snapshot`.
 
-    fluid: (n,) columns by name; time, clock: [s]; power: of gravity [W/m]; ledger: its numbers.
+    fluid: (n,) columns by name; time, clock: [s]; power: of gravity [W/m]; ledger, warnings:
+    their numbers.
     """
 
     fluid: dict[str, NDArray[Any]]
@@ -28,10 +29,11 @@ class Snapshot(NamedTuple):
     totals: Totals
     substeps: float
     onset: Onset
+    warnings: list[float]
 
 
-def read_snapshot(given: Any, engine: Engine, n_ledger: int) -> Snapshot:
-    """Return the parts of a snapshot that fits an engine; n_ledger: numbers of its ledger.
+def read_snapshot(given: Any, engine: Engine, n_ledger: int, n_warnings: int) -> Snapshot:
+    """Return the parts of a snapshot that fits an engine, with so many numbers of either kind.
 
     Raises ValueError if it is of another size, precision or form.
     """
@@ -46,9 +48,12 @@ def read_snapshot(given: Any, engine: Engine, n_ledger: int) -> Snapshot:
             Totals(*(number("totals", each) for each in given["totals"])),
             number("substeps", given["substeps"]),
             Onset(*(number("onset", each) for each in given["onset"])),
+            [number("warnings", each) for each in given["warnings"]],
         )
         if len(snapshot.ledger) != n_ledger or snapshot.ledger[1] <= 0:
             raise ValueError(f"ledger {snapshot.ledger}")
+        if len(snapshot.warnings) != n_warnings:
+            raise ValueError(f"warnings {snapshot.warnings}")
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         raise ValueError(f"snapshot: not one of Simulation.snapshot(): {error!r}") from None
     _check_columns(snapshot.fluid, engine)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sph_gym.solver.checks import finite_array, in_range, known
 from sph_gym.solver.confinement import Stroke
@@ -225,13 +225,13 @@ class Walls:
                         sides[2 * axis + k] = (-1, 1)[k] * math.inf
         return tuple(sides.tolist()) if np.isfinite(sides).any() else None
 
-    def has_unbacked(self, dx: float, h: float) -> bool:
-        """Return whether any particle, dx [m] apart, has neither a plate nor the box before it.
+    def unbacked(self, dx: float, h: float) -> NDArray[np.bool_]:
+        """Return (n,) which particles, dx [m] apart, have neither a plate nor the box before them.
 
         An obstacle within a box has neither, unless plates are within h [m] of all its particles.
         """
         if self.particles is None:
-            return False
+            return np.zeros(0, bool)
         x = np.asarray(self.particles)
         unbacked = np.ones(len(x), bool)
         if self.box is not None:
@@ -240,7 +240,7 @@ class Walls:
             unbacked &= ((x > low + dx / 4) & (x < high - dx / 4)).all(axis=1)
         for plate in () if self.plates is None else np.asarray(self.plates):
             unbacked &= _distance(x, plate[:2], plate[2:]) > h
-        return bool(unbacked.any())
+        return unbacked
 
     @property
     def moves(self) -> Floats:

@@ -8,9 +8,9 @@ KINDS = ("energy", "clumping", "volume", "mach", "walls", "start")
 class Warning(NamedTuple):
     """One thing that is odd about a simulation.
 
-    kind: one of `KINDS`; value: the measure, now or at its worst; limit: the value above which it
-    is odd; since: time [s] at the end of the first `advance` that showed it; message: one plain
-    sentence that says what was seen, why it matters and what helps.
+    kind: one of `KINDS`; value: the measure at its worst; limit: the value above which it is odd;
+    since: time [s] at which it was first seen; message: one plain sentence that says what was seen
+    and what helps.
     """
 
     kind: str

@@ -53,7 +53,7 @@ def test_the_obstacle_stands_between_column_and_wall(at):
 def test_what_isnt_named_changes_nothing():
     scene = dam_break()
     assert np.array_equal(scene.x, lattice(0.0, 0.5, 0.0, 1.0, 0.02))
-    assert np.array_equal(scene.walls.particles, tank_particles(3.5, 1.25, 0.02))
+    assert np.array_equal(scene.walls.particles, tank_particles(3.5, 1.25, 0.02, layers=3))
     assert scene.h == 2.6 * 0.02
     assert (scene.fluid.kernel, scene.effects.artificial_viscosity) == ("mueller", 0.02)
     assert scene.fluid.c0 == 10 * math.sqrt(2 * 9.81 * 1.0)

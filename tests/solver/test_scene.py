@@ -328,7 +328,10 @@ def test_what_goes_together():
         {"walls": Walls(period_x=(0.0, 1.04))},
         {"walls": Walls(period_x=(-1.0, 0.11), period_y=(-3, 3))},
         {"walls": Walls(box=(-math.inf, math.inf, 0, 1), period_x=(0.0, 2.0))},
-        {"walls": Walls(SPOTS, plates=[(0, 0, 2, 0)], period_x=(0.0, 2.0))},
+        {
+            "x": [(0.0, 0.1), (0.1, 0.1)],
+            "walls": Walls(SPOTS, plates=[(0, 0, 2, 0)], period_x=(0.0, 2.0)),
+        },
     ):
         assert Scene(**(GOOD | changes)).integrator == "symplectic_euler"
 

@@ -98,8 +98,15 @@ def _patch_gap(sim: Simulation, scene: Scene, x: Any, i: int) -> float:
     near = np.hypot(*(x - x[i]).T) < 2.001 * scene.h
     fluid, wall = near[:n], x[n:][near[n:]]
     walls = Walls(wall) if len(wall) else None
-    patch = dataclasses.replace(scene, x=x[:n][fluid], v=v[:n][fluid], walls=walls)
+    # a flow may come nearer to walls than a start may: it begins above them, and is put there
+    above = x[:n][fluid] + (0.0, 10 * scene.h)
+    patch = dataclasses.replace(scene, x=above, v=v[:n][fluid], walls=walls)
     brute = Simulation(patch, sim.dtype, "brute", threads=1)
+    state = brute.snapshot()
+    place = (x[:n][fluid] - origin(patch, brute.x.dtype))[state["fluid"]["id"]]
+    for name, values in zip("xy", place.T, strict=True):
+        state["fluid"][name][:] = values
+    brute.restore(state)
     brute.controls = sim.controls
     return _field_gap(sim, i, brute, int(fluid[:i].sum()))
 

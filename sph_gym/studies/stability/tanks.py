@@ -49,7 +49,7 @@ def tank(
 
     Its right wall stands at the width itself, which need not be a multiple of dx.
     """
-    walls = tank_particles(width, height, dx)
+    walls = tank_particles(width, height, dx, layers=3)
     fitting = snap(width, dx)
     walls[walls[:, 0] > fitting, 0] += width - fitting
     acting: dict[str, Any] = {"gravity": (0.0, -G), "xsph": True, "artificial_viscosity": 0.05}
@@ -124,8 +124,9 @@ def far_dam(dx: float) -> Scene:
     scene = dam(dx)
     assert scene.walls is not None
     left, right, bottom, top = np.asarray(scene.walls.box) + np.repeat(AWAY, 2)
-    scene = with_walls(scene, lambda walls: walls + AWAY, box=(left, right, bottom, top))
-    return replace(scene, x=np.add(scene.x, AWAY))
+    particles = np.asarray(scene.walls.particles) + AWAY
+    walls = replace(scene.walls, particles=particles, box=(left, right, bottom, top))
+    return replace(scene, x=np.add(scene.x, AWAY), walls=walls)
 
 
 def packaged(name: str, dx: float, **arguments: Any) -> Scene:

@@ -1,0 +1,43 @@
+"""The result of an `advance`, and its plan while it is under way."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class Report(NamedTuple):
+    """The result of one `advance`.
+
+    n_substeps: steps taken (the one that failed included); dt: their length [s]; diverged: x, v,
+    rho or p no longer finite, a speed above 5000 m/s, a particle inside of boundary particles or
+    between those of a thin wall (`tunnelling`), or more energy from nowhere, or more of it at
+    once, than the ledger tolerates (`energy.Ledger`); cause: "" | "cfl" | "stiffness" |
+    "clumping" | "tunnelling" | "energy" | "nan"; link: the link of the chain where it first
+    showed, "" | "neighbours" | "density" | "pressure" | "force" | "integration" | "walls";
+    bad_particle: its public index, or -1.
+    """
+
+    n_substeps: int
+    dt: float
+    diverged: bool = False
+    cause: str = ""
+    link: str = ""
+    bad_particle: int = -1
+
+
+@dataclass
+class Underway:
+    """An `advance` that is under way: its plan, and how far it came.
+
+    seconds, dt, began: [s]; n_substeps: of all; longest: chunk, in substeps; done: substeps.
+    """
+
+    seconds: float
+    n_substeps: int
+    dt: float
+    began: float
+    longest: int
+    done: int = 0
+
+    def time(self, steps: int) -> float:
+        """Return the time [s] after so many substeps."""
+        return self.began + steps * self.dt

@@ -6,6 +6,7 @@ rule, of the actions and of this file.
 """
 
 import itertools
+import math
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
@@ -21,9 +22,8 @@ from sph_gym import provenance
 from sph_gym.controllers.rules import TunedCfl, from_numbers
 from sph_gym.env import actions, manifest, viscous
 from sph_gym.env.fingerprint import digest, fingerprint
-from sph_gym.files import atomic_write
+from sph_gym.files import atomic_write, cache_home
 from sph_gym.solver import jit
-from sph_gym.solver.jit import cache_home
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 
@@ -32,6 +32,9 @@ COURANT = 0.25
 # Its twins differ in ways that shouldn't matter: a softer fluid, and particles off by 1 % of dx.
 TWIN_SOUND = 0.7
 TWIN_JITTER = 0.01
+# A fine run with more energy from nowhere, as a share of what is at stake, boils. The largest of the
+# environments' own flows have 0.01.
+MOST_EXCESS = 0.25
 # Frames over which the drift away from the reference is taken; an error over the whole past would
 # punish the rest of an episode for one bad frame.
 WINDOW = 8
@@ -58,16 +61,23 @@ class Observables(NamedTuple):
     clumping: Floats
 
 
+class UnusableScene(ValueError, RuntimeError):
+    """Raised for a scene whose reference run isn't fit to be the truth."""
+
+
 class ReferenceRun(NamedTuple):
     """The fine run, the spread of its twins, and the tuned CFL rule's mean substeps a frame.
 
     spread: (n, 4) largest difference of a twin: drifts within WINDOW frames of the centre of
     mass [m], the extent [m] and the kinetic energy [J/m], and the share of clumped particles.
+    energy_excess: largest energy from nowhere in the fine run, as a share of what is at stake; not
+    a number where a manifest has the reference.
     """
 
     fine: Observables
     spread: Floats
     cfl_substeps: float
+    energy_excess: float = math.nan
 
 
 MOST_KEPT = 512
@@ -84,8 +94,8 @@ def n_frames(scene: Scene) -> int:
 def reference(scene: Scene, instance_id: str | None = None) -> ReferenceRun:
     """Return the reference of a scene: shipped, from memory, from disk, or computed (a second).
 
-    instance_id: under which a manifest may have it. Raises RuntimeError if the scene isn't stable
-    at its own nominal stiffness.
+    instance_id: under which a manifest may have it. Raises UnusableScene if the scene isn't stable
+    at its own nominal stiffness, or makes more than MOST_EXCESS of its energy from nowhere.
     """
     shipped = None if instance_id is None else _shipped(scene, instance_id)
     if shipped is not None:
@@ -94,7 +104,7 @@ def reference(scene: Scene, instance_id: str | None = None) -> ReferenceRun:
     # asked for once: another thread may drop it meanwhile
     kept = _KEPT.get(key)
     if kept is not None:
-        return kept
+        return _usable(scene, kept)
     path = cache_home() / "references" / f"{key}.npz"
     stored = _read(path)
     if stored is None:
@@ -104,7 +114,20 @@ def reference(scene: Scene, instance_id: str | None = None) -> ReferenceRun:
         while len(_KEPT) >= MOST_KEPT:
             _KEPT.pop(next(iter(_KEPT)))
         _KEPT[key] = stored
-    return stored
+    return _usable(scene, stored)
+
+
+def _usable(scene: Scene, stored: ReferenceRun) -> ReferenceRun:
+    """Return a reference. Raises UnusableScene if its fine run made too much energy."""
+    if stored.energy_excess <= MOST_EXCESS:
+        return stored
+    raise UnusableScene(
+        f"{scene.name}: the reference run blew up its energy: {stored.energy_excess:.0%} of what is "
+        f"at stake came from nowhere (expected at most {MOST_EXCESS:.0%}), and up to "
+        f"{stored.fine.clumping.max():.0%} of its particles were closer than 0.6 dx; nothing can be "
+        "measured by it. Kernels that match, such as 'wendland_c2', more viscosity, or a start "
+        "without overlaps help"
+    )
 
 
 def _shipped(scene: Scene, instance_id: str) -> ReferenceRun | None:
@@ -142,8 +165,9 @@ def _compute(scene: Scene) -> ReferenceRun:
         fine = pool.submit(_run, scene, 1.0)
         twins = [pool.submit(_run, scene, TWIN_SOUND), pool.submit(_run, jittered, 1.0)]
         cfl = pool.submit(_cfl_substeps, scene)
-        runs = [run.result() for run in (fine, *twins)]
-        return ReferenceRun(runs[0], spread(runs[0], runs[1:]), cfl.result())
+        best, excess = fine.result()
+        widths = spread(best, [twin.result()[0] for twin in twins])
+        return ReferenceRun(best, widths, cfl.result(), excess)
 
 
 def spread(fine: Observables, twins: Sequence[Observables]) -> Floats:
@@ -166,7 +190,8 @@ def _drift(error: Floats) -> Floats:
     return error - error[then]
 
 
-def _run(scene: Scene, sound: float) -> Observables:
+def _run(scene: Scene, sound: float) -> tuple[Observables, float]:
+    """Return a run at a sound speed [c0], and its largest energy from nowhere, as a share."""
     # a very viscous fluid takes a shorter step than sound waves ask for
     for courant in (COURANT, COURANT / 2):
         sim = Simulation(scene)
@@ -180,16 +205,19 @@ def _run(scene: Scene, sound: float) -> Observables:
             rows.append(_measure(sim))
         else:
             table = np.array(rows)
-            return Observables(table[:, :2], table[:, 2:4], *table[:, 4:].T)
-    raise RuntimeError(
-        f"{scene.name}: the reference run blew up at t = {sim.time:g} s ({report.cause}); "
-        "the scene isn't stable at its own nominal stiffness"
+            fine = Observables(table[:, :2], table[:, 2:4], *table[:, 4:-1].T)
+            return fine, float(table[:, -1].max())
+    numbers = sim.diagnostics()
+    raise UnusableScene(
+        f"{scene.name}: the reference run blew up at t = {sim.time:g} s ({report.cause}; energy "
+        f"from nowhere {numbers['energy_excess']:.0%} of what is at stake, {numbers['clumping']:.0%}"
+        " of the particles closer than 0.6 dx); the scene isn't stable at its own nominal stiffness"
     )
 
 
 COLUMNS = (
     "com_x", "com_y", "extent_x", "extent_y", "kinetic_energy", "potential_energy", "front",
-    "clumping",
+    "clumping", "energy_excess",
 )  # fmt: skip
 
 
@@ -219,18 +247,19 @@ def _cfl_substeps(scene: Scene) -> float:
             substeps.append(report.n_substeps)
         else:
             return float(np.mean(substeps))
-    raise RuntimeError(f"{scene.name}: the CFL rule blew up even at a Courant multiple of 0.25")
+    raise UnusableScene(f"{scene.name}: the CFL rule blew up even at a Courant multiple of 0.25")
 
 
 def as_arrays(stored: ReferenceRun) -> dict[str, Any]:
-    """Return a reference as arrays by name."""
-    fine, widths, substeps = stored
+    """Return a reference as arrays by name, as manifests have it."""
+    fine, widths, substeps, _ = stored
     return {**fine._asdict(), "spread": widths, "cfl_substeps": substeps}
 
 
 def _from_arrays(arrays: Mapping[str, Any]) -> ReferenceRun:
     fine = Observables(*(arrays[name] for name in Observables._fields))
-    return ReferenceRun(fine, arrays["spread"], float(arrays["cfl_substeps"]))
+    excess = float(arrays.get("energy_excess", math.nan))
+    return ReferenceRun(fine, arrays["spread"], float(arrays["cfl_substeps"]), excess)
 
 
 def _read(path: Path) -> ReferenceRun | None:
@@ -249,6 +278,7 @@ def _read(path: Path) -> ReferenceRun | None:
 def _write(path: Path, stored: ReferenceRun) -> None:
     try:
         with atomic_write(path) as draft:
-            np.savez_compressed(draft, **as_arrays(stored))
+            arrays = as_arrays(stored) | {"energy_excess": np.float64(stored.energy_excess)}
+            np.savez_compressed(draft, **arrays)
     except OSError as error:
         warnings.warn(f"the reference can't be kept on disk: {error}", stacklevel=2)

@@ -18,6 +18,7 @@ from sph_gym.solver.origin import moved, origin
 from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls
+from sph_gym.solver.warnings import Warning
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
@@ -157,6 +158,11 @@ class Simulation:
             self._acceleration = None
             held, self._totals = self._totals, self._sum()
             self._ledger.add_control(self._totals.internal - held.internal)
+
+    @property
+    def warnings(self) -> tuple[Warning, ...]:
+        """What is odd about the simulation so far, without being a blow-up."""
+        return ()
 
     @property
     def control_work(self) -> float:

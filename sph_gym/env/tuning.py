@@ -1,6 +1,7 @@
 """The environment: one step is one frame of physical time with the controls of the action."""
 
 import copy
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from sph_gym.env.fingerprint import digest
 from sph_gym.env.identity import Identity, identify
 from sph_gym.env.rules import Rules
 from sph_gym.env.selection import Selection
-from sph_gym.solver.checks import known
+from sph_gym.solver.checks import known, whole
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 
@@ -150,9 +151,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
             return self._painter.paint(episode.sim, title=episode.instance_id, lines=lines)
         if self.render_mode == "human":
             if self._window is None:
-                from sph_gym.view import Window
-
-                self._window = Window(episode.scene)
+                self._window = _open_window(episode.scene)
             self._window.show(episode.sim, lines=lines)
             return None
         gym.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
@@ -246,6 +245,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         self._check_state(state)
         # on a copy first, so that a wrong state changes nothing
         generator = copy.deepcopy(self.np_random.bit_generator)
+        turn = whole("state: turn", state["turn"])
         try:
             generator.state = state["generator"]
         except (KeyError, TypeError, ValueError) as error:
@@ -260,7 +260,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         if present is not self._episode:
             self._episode, self._painter = present, None
         self.np_random.bit_generator.state = state["generator"]
-        self.selection.turn = state["turn"]
+        self.selection.turn = turn
 
     def _check_state(self, state: Any) -> None:
         """Raise ValueError for a state that was changed, and for one of other rules."""
@@ -276,6 +276,23 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
                     f"state: of an environment with {name} = {state['rules'][name]!r}, but here it "
                     f"is {here!r}"
                 )
+
+
+def _open_window(scene: Scene) -> "Window":
+    """Return a window, one that nobody sees if there is no screen; a warning says so."""
+    from sph_gym.view import Window
+
+    try:
+        return Window(scene)
+    except RuntimeError as error:
+        gym.logger.warn(f"render_mode='human': {error}; nothing is shown")
+    chosen = os.environ.get("SDL_VIDEODRIVER")
+    os.environ["SDL_VIDEODRIVER"] = "dummy"
+    try:
+        return Window(scene)
+    finally:
+        del os.environ["SDL_VIDEODRIVER"]
+        os.environ |= {} if chosen is None else {"SDL_VIDEODRIVER": chosen}
 
 
 def plain_spec(spec: EnvSpec, n_steps: int | None) -> EnvSpec:

@@ -17,7 +17,7 @@ from sph_gym.env.episode import Episode
 from sph_gym.env.fingerprint import digest
 from sph_gym.env.identity import Identity, identify
 from sph_gym.env.rules import Rules
-from sph_gym.env.selection import Selection
+from sph_gym.env.selection import Selection, own_scene
 from sph_gym.solver.checks import known, whole
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
@@ -297,8 +297,8 @@ def _open_window(scene: Scene) -> "Window":
 
 def plain_spec(spec: EnvSpec, n_steps: int | None) -> EnvSpec:
     """Return a spec as plain data for JSON; n_steps: of every episode, unless it has a limit."""
-    kwargs = {
-        name: value.to_dict() if isinstance(value, Scene) else value
-        for name, value in spec.kwargs.items()
-    }
+    kwargs = dict(spec.kwargs)
+    scene = own_scene(kwargs.get("scene"))
+    if isinstance(scene, Scene):
+        kwargs["scene"] = scene.to_dict()
     return replace(spec, kwargs=kwargs, max_episode_steps=spec.max_episode_steps or n_steps)

@@ -147,7 +147,7 @@ def test_dictionaries_that_are_no_scene_are_refused(wrong):
         ("sph_gym/DamBreak-v0", {"instances": "val"}, None),
         ("sph_gym/DamBreak-v0", {"instances": ["dam_break/val/3"]}, 63),
         ("sph_gym/DamBreak-v0", {"instances": ["dam_break/val/3", "dam_break/val/4"]}, None),
-        (ID, {"dx": 0.08}, n_frames(SCENE)),
+        (ID, {"dx": 0.08}, 71),
         ("sph_gym/Mixed-v0", {}, None),
         (CUSTOM, {"scene": SCENE}, n_frames(SCENE)),
     ],

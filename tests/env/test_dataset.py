@@ -1,3 +1,4 @@
+import gc
 import json
 
 import gymnasium as gym
@@ -133,6 +134,8 @@ OWN = {"scene": scenes.make("drop_impact", dx=0.08)}
 
 
 @pytest.mark.filterwarnings("ignore:.* is set to None")
+# minari leaves its temporary folder to the garbage collector
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize("infos", [False, True])
 @pytest.mark.parametrize(
     ("id_", "arguments"),
@@ -148,6 +151,9 @@ def test_the_collector_of_minari_works(id_, arguments, infos):
         seen.append(observation)
         over = terminated or truncated
     env.create_dataset("test/collected-v0")
+    env.close()
+    del env
+    gc.collect()
     data = minari.load_dataset("test/collected-v0")
     (episode,) = data
     assert np.array_equal(episode.observations, seen)

@@ -1,4 +1,5 @@
 import copy
+import gc
 import os
 import pickle
 from dataclasses import replace
@@ -544,13 +545,15 @@ def test_without_a_screen_the_environment_says_so_once_and_goes_on(monkeypatch):
     env.close()
 
 
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # moviepy leaves a pipe open
 def test_a_video_is_recorded(tmp_path):
     pytest.importorskip("moviepy")
     env = gym.make("sph_gym/DamBreak-v0", render_mode="rgb_array", **COARSE)
-    env = gym.wrappers.RecordVideo(env, str(tmp_path), video_length=3)
+    env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"), video_length=3)
     env.reset(seed=0)
     for _ in range(4):
         env.step(GENTLE)
     env.close()
-    (film,) = tmp_path.glob("*.mp4")
+    gc.collect()
+    (film,) = tmp_path.glob("films/*.mp4")
     assert film.stat().st_size > 1000

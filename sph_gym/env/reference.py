@@ -34,7 +34,7 @@ TWIN_SOUND = 0.7
 TWIN_JITTER = 0.01
 # A fine run with more energy from nowhere, as a share of what is at stake, boils. Of a hundred
 # flows of the environments, the worst had 0.1, in "relaxation/ood", and all others 0.01 at most.
-MOST_EXCESS = 0.25
+MOST_EXCESS = 0.2
 # Frames over which the drift away from the reference is taken; an error over the whole past would
 # punish the rest of an episode for one bad frame.
 WINDOW = 8

@@ -44,7 +44,8 @@ class Selection:
             self._own_id = f"{scene.name}/{instances.CUSTOM}/{fingerprint(scene)}"
             return
         if dx is not None:
-            positive("dx", dx)
+            # a plain number, since ids spell it
+            self._dx = dx = positive("dx", dx)
         self._names = tuple(FAMILIES) if scene == MIXED else (known("scene", scene, FAMILIES),)
         if isinstance(chosen, str):
             firsts = [instances.instance(name, chosen, 0, dx) for name in self._names]

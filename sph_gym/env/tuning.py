@@ -2,8 +2,9 @@
 
 import copy
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -17,8 +18,9 @@ from sph_gym.env.episode import Episode
 from sph_gym.env.fingerprint import digest
 from sph_gym.env.identity import Identity, identify
 from sph_gym.env.rules import Rules
-from sph_gym.env.selection import Selection, own_scene
+from sph_gym.env.selection import Selection
 from sph_gym.solver.checks import known, whole
+from sph_gym.solver.plain import to_plain
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 
@@ -295,10 +297,15 @@ def _open_window(scene: Scene) -> "Window":
         os.environ |= {} if chosen is None else {"SDL_VIDEODRIVER": chosen}
 
 
+def _plain_argument(value: Any) -> Any:
+    if isinstance(value, Scene):
+        return value.to_dict()
+    if isinstance(value, Enum):
+        return value.value
+    return to_plain(value, "") if isinstance(value, (Mapping, np.generic)) else value
+
+
 def plain_spec(spec: EnvSpec, n_steps: int | None) -> EnvSpec:
     """Return a spec as plain data for JSON; n_steps: of every episode, unless it has a limit."""
-    kwargs = dict(spec.kwargs)
-    scene = own_scene(kwargs.get("scene"))
-    if isinstance(scene, Scene):
-        kwargs["scene"] = scene.to_dict()
+    kwargs = {name: _plain_argument(value) for name, value in spec.kwargs.items()}
     return replace(spec, kwargs=kwargs, max_episode_steps=spec.max_episode_steps or n_steps)

@@ -120,10 +120,18 @@ def test_a_spec_with_a_scene_of_ones_own_is_json(given):
             assert np.array_equal(a, b)
 
 
+def test_numbers_of_numpy_become_json_too():
+    weights, chosen = {"work": np.float32(2.0)}, ("drop_impact/val/1",)
+    env = gym.make(ID, dx=np.float32(0.0625), reward_weights=weights, instances=chosen)
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert np.array_equal(env.reset(seed=0)[0], again.reset(seed=0)[0])
+
+
 def test_a_vector_of_ones_own_scene_can_be_made_again():
-    envs = gym.make_vec(CUSTOM, 2, scene=SCENE)
+    envs = gym.make_vec(CUSTOM, 2, scene=SCENE, autoreset_mode=AutoresetMode.SAME_STEP)
     again = gym.make_vec(EnvSpec.from_json(envs.spec.to_json()))
     assert again.num_envs == 2
+    assert again.autoreset_mode == AutoresetMode.SAME_STEP
     assert np.array_equal(envs.reset(seed=0)[0], again.reset(seed=0)[0])
 
 

@@ -1,17 +1,102 @@
-"""Write files atomically: a file is complete or absent, whatever stops the writer."""
+"""The folder of the cache, and files that are complete or absent, whatever stops the writer."""
 
 import csv
 import os
 import shutil
+import stat
+import sys
+import tempfile
 import threading
 import time
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 # Seconds after which a draft counts as abandoned by a writer that was killed.
 ABANDONED = 3600.0
+# Name of the folder of the cache. Python imports any folder whose name is an identifier, and one
+# that is called sph_gym would hide the package.
+CACHE = "sph-gym"
+
+
+def cache_home() -> Path:
+    """Return the folder for all that can be recomputed.
+
+    It is `SPH_GYM_CACHE`, else `sph-gym` in `XDG_CACHE_HOME` (`LOCALAPPDATA` on Windows), else
+    `sph-gym` in ~/.cache (~/AppData/Local). Where that can't be written, it is a folder of the
+    user's own among the temporary files, with a warning. Variables that are empty or hold a
+    relative path count as unset.
+
+    Source: XDG Base Directory Specification 0.8, "Environment variables".
+    """
+    if chosen := os.environ.get("SPH_GYM_CACHE"):
+        if Path(chosen).is_absolute() and Path(chosen).name != __package__:
+            return Path(chosen)
+        warnings.warn(
+            "SPH_GYM_CACHE: expected an absolute path that doesn't end with sph_gym, since Python "
+            f"may take other folders for packages, got {chosen!r}; the usual folder is used",
+            stacklevel=2,
+        )
+    on_windows = sys.platform == "win32"
+    base = Path(os.environ.get("LOCALAPPDATA" if on_windows else "XDG_CACHE_HOME", ""))
+    if not base.is_absolute():
+        base = _home() / ("AppData/Local" if on_windows else ".cache")
+    return base / CACHE if _can_be_written(base) else _temporary_cache()
+
+
+def _home() -> Path:
+    """Return the user's folder, a relative path if there is none."""
+    if sys.platform != "win32" and not Path(os.environ.get("HOME", "")).is_absolute():
+        import pwd
+
+        with suppress(KeyError):
+            return Path(pwd.getpwuid(os.getuid()).pw_dir)
+    return Path(os.path.expanduser("~"))
+
+
+def _can_be_written(folder: Path) -> bool:
+    """Return whether files can be put into an absolute folder, which may be missing."""
+    if not folder.is_absolute():
+        return False
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
+
+
+@cache
+def _temporary_cache() -> Path:
+    """Return a folder of the user's own among the temporary files, and warn."""
+    user = str(os.getuid()) if hasattr(os, "getuid") else "user"
+    folder = Path(tempfile.gettempdir()) / f"{CACHE}-{user}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700)
+    # the cache holds machine code: nobody else may have put it there
+    if not _is_private(folder):
+        folder = Path(tempfile.mkdtemp(prefix=f"{CACHE}-"))
+    warnings.warn(
+        f"the user's folder can't be written, the cache is in {folder}: set SPH_GYM_CACHE to a "
+        "folder that stays, or the solver is compiled again when that is gone",
+        stacklevel=3,
+    )
+    return folder
+
+
+def _is_private(folder: Path) -> bool:
+    """Return whether a folder is this user's, who alone can write it."""
+    if not hasattr(os, "getuid"):
+        return folder.is_dir()
+    try:
+        found = folder.lstat()
+    except OSError:
+        return False
+    return (
+        stat.S_ISDIR(found.st_mode)
+        and found.st_uid == os.getuid()
+        and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    )
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sph_gym.solver.checks import positive
 from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.warnings import short
 from sph_gym.trajectory import Recorder
 from sph_gym.view import Painter, Window, write_video
 
@@ -30,7 +31,8 @@ def run(
     seconds: physical time [s], by default the scene's duration; n_logged: how many particles to
     log, spread evenly over the fluid; color, arrows: as for `Painter`; window: watch it, until
     the window is closed; video: film it there; save: where a `Recorder` puts the start and every
-    frame. Raises ValueError for wrong values and unknown names.
+    frame. Warnings of the simulation are printed as they appear, and at the end in one line.
+    Raises ValueError for wrong values and unknown names.
     """
     until = sim.scene.duration if seconds is None else positive("seconds", seconds)
     with nullcontext() if save is None else Recorder(save, sim) as recorder:
@@ -45,6 +47,8 @@ def run(
         else:
             for _ in frames:
                 pass
+    if sim.warnings:
+        print(f"warnings: {', '.join(map(short, sim.warnings))}")
     if save is not None:
         print(f"trajectory: {save}")
     return int(sim.last_report.diverged)
@@ -65,11 +69,13 @@ def _frames(
     """Advance frame by frame, log and record after each; ends at `until` or with a blow-up."""
     logged = np.linspace(0, sim.n_fluid - 1, min(max(n_logged, 0), sim.n_fluid)).astype(int)
     print(_heading(logged))
+    told = _tell(sim, set())
     if recorder is not None:
         recorder.record()
     while sim.time < until * (1 - 1e-9):
         report = sim.advance(min(sim.scene.frame, until - sim.time))
         print(_line(sim, report.n_substeps, logged))
+        told = _tell(sim, told)
         if recorder is not None:
             recorder.record()
         yield
@@ -79,6 +85,14 @@ def _frames(
                 f"particle {report.bad_particle}, after {report.n_substeps} substeps of this frame"
             )
             return
+
+
+def _tell(sim: Simulation, told: set[str]) -> set[str]:
+    """Print the warnings of kinds that weren't told yet; return the kinds that were."""
+    for warning in sim.warnings:
+        if warning.kind not in told:
+            print(f"warning: {warning.message}")
+    return told | {warning.kind for warning in sim.warnings}
 
 
 def _heading(logged: NDArray[Any]) -> str:

@@ -6,13 +6,14 @@
 - fields/NAME (n_frames, n_particles[, 2]), fluid first, in the precision of the simulation
 - parameters: JSON text. Dataclasses are objects with their "class"; {"array": NAME} stands for
   the array NAME of the file; infinity is `Infinity`, as Python's json has it.
+  `Scene.from_dict(read(PATH).parameters["scene"])` is the scene, to run it again.
 
 .pvd: ParaView's index of times; the frames are beside it in a folder of its name, one .vtu each,
 with vertex cells, vectors of three (z = 0) and everything but `kind` in float64. The folder's
-parameters.json is the text above. Only the index tells which frames belong to the run.
+parameters.json is the text above, its scene.json one for `Scene.from_dict`. Only the index tells
+which frames belong to the run.
 """
 
-import dataclasses
 import json
 import os
 import platform
@@ -31,6 +32,7 @@ from sph_gym.extras import needs_extra
 from sph_gym.files import atomic_write
 from sph_gym.provenance import VERSION
 from sph_gym.solver.checks import known
+from sph_gym.solver.plain import to_plain
 from sph_gym.solver.simulation import Simulation
 
 # Recorded fields, and their names in VTK.
@@ -116,10 +118,7 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
     stored = _READERS[known("suffix of path", path.suffix.lower(), _READERS)](path)
     prefix = "fields/"
     try:
-        parameters = json.loads(
-            stored["parameters"].item(),
-            object_hook=lambda part: stored[part["array"]] if part.keys() == {"array"} else part,
-        )
+        parameters = _parameters(stored)
         times, controls = stored["times"], stored["controls"]
     except KeyError as error:
         raise ValueError(f"path: expected a recording, {str(path)!r} has no {error}") from None
@@ -150,27 +149,22 @@ def _constants(sim: Simulation) -> Arrays:
         "python": platform.python_version(),
     }
     arrays: Arrays = {}
-    text = json.dumps(_plain(parameters, "arrays", arrays), indent=1)
+
+    def keep(name: str, array: NDArray[Any]) -> dict[str, str]:
+        arrays[name] = array
+        return {"array": name}
+
+    text = json.dumps(to_plain(parameters, "arrays", keep), indent=1)
     return {"parameters": np.bytes_(text.encode())} | arrays
 
 
-def _plain(value: Any, name: str, arrays: Arrays) -> Any:
-    """Return `value` in the types of JSON; put arrays into `arrays`, named by their place."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        parts = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-        value = {"class": type(value).__name__} | parts
-    elif hasattr(value, "_asdict"):
-        value = value._asdict()
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "biufc":
-        arrays[name] = value
-        return {"array": name}
-    elif isinstance(value, (np.ndarray, np.generic)):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {str(key): _plain(part, f"{name}/{key}", arrays) for key, part in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [_plain(part, f"{name}/{k}", arrays) for k, part in enumerate(value)]
-    return value if isinstance(value, (bool, int, float, str, type(None))) else repr(value)
+def _parameters(stored: Arrays) -> dict[str, Any]:
+    """Return the parameters of a file with their arrays in place."""
+    found: dict[str, Any] = json.loads(
+        stored["parameters"].item(),
+        object_hook=lambda part: stored[part["array"]] if part.keys() == {"array"} else part,
+    )
+    return found
 
 
 # --- formats --------------------------------------------------------------------------------
@@ -242,6 +236,8 @@ def _write_vtk(path: Path, constants: Arrays) -> Iterator[Append]:
         folder.mkdir(exist_ok=True)
         if not lines:
             (folder / "parameters.json").write_bytes(constants["parameters"].item())
+            scene = to_plain(_parameters(constants)["scene"], "scene")
+            (folder / "scene.json").write_text(json.dumps(scene), encoding="utf-8")
         name = f"{len(lines):06d}.vtu"
         points, data = _points(frame)
         vertices = np.arange(len(points))[:, None]

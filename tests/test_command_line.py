@@ -1,8 +1,9 @@
 import pytest
 
-from sph_gym import studies
+from sph_gym import Simulation, studies
 from sph_gym.__main__ import STUDIES, main
 from sph_gym.scenes import droplet
+from sph_gym.solver.warnings import Warning
 
 
 def test_run_logs_densities_and_pressures(capsys):
@@ -79,3 +80,21 @@ def test_wrong_words_give_one_clear_line(arguments, capsys):
 
 def test_the_help_names_every_study():
     assert tuple(studies.names()) == STUDIES
+
+
+def test_run_tells_each_warning_once_and_all_at_the_end(capsys, monkeypatch):
+    def warnings(sim):
+        found = (Warning("start", 0.3, 0.9, 0.0, "mean distance 0.3 dx: expect a burst"),)
+        if sim.time < 0.05:
+            return found
+        late = Warning(
+            "energy", sim.time, 0.05, 0.05, f"{sim.time:g} of the energy is from nowhere"
+        )
+        return (*found, late)
+
+    monkeypatch.setattr(Simulation, "warnings", property(warnings))
+    assert main(["run", "relaxation", "--set", "dx=0.1", "--seconds", "0.2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1] == "warning: mean distance 0.3 dx: expect a burst"
+    assert [line.split(":")[0] for line in lines].count("warning") == 2
+    assert lines[-1] == "warnings: start 0.3 (limit 0.9), energy 0.2 (limit 0.05)"

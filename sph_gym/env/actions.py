@@ -25,6 +25,10 @@ COURANT = (0.2, 1.25)
 SOUND = (0.1, 1.25)
 XSPH = (0.0, 0.6)
 LOG_COURANT, LOG_SOUND = ((math.log(low), math.log(high)) for low, high in (COURANT, SOUND))
+# How far an action may be beyond its bounds. `RescaleAction` of Gymnasium computes in single
+# precision: of 40,000 ends of random spaces within [-5, 6], 0.5 % are off by more than 1e-6, none
+# by more than 4.7e-6.
+ROUNDING = 5e-6
 # Largest change of a coordinate in one step of the modes "delta" and "discrete".
 STEP = 0.25
 # (27, 3) change of every coordinate by a discrete action, in multiples of STEP.
@@ -109,6 +113,7 @@ def _value(position: float, low: float, high: float) -> float:
 
 
 def _box_action(action: Any) -> Coordinates:
+    """Return an action as coordinates; what is a rounding beyond the bounds is cut off."""
     try:
         numbers = np.asarray(action)
     except (TypeError, ValueError):
@@ -116,11 +121,12 @@ def _box_action(action: Any) -> Coordinates:
     # numpy would take texts and booleans for numbers
     usable = numbers.shape == (3,) and numbers.dtype.kind in "fiu"
     a, b, c = numbers.tolist() if usable else (math.nan,) * 3
-    if not (-1 <= a <= 1 and -1 <= b <= 1 and -1 <= c <= 1):
+    end = 1.0 + ROUNDING
+    if not (-end <= a <= end and -end <= b <= end and -end <= c <= end):
         raise ValueError(
             f"action: expected 3 finite numbers in [-1, 1] ({', '.join(NAMES)}), got {action!r}"
         )
-    return numbers.astype(np.float64)
+    return np.clip(numbers.astype(np.float64), -1.0, 1.0)
 
 
 def _choice(action: Any) -> int:

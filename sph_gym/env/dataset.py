@@ -34,8 +34,7 @@ def record(
     `minari.create_dataset_from_buffers` takes, such as author, algorithm_name, description.
     An episode's metadata holds seed, options, instance_id, blowup_cause and rewards_sum, so that
     the recovered environment can play it again, and as "instance" the identity of its flow
-    (`sph_gym.env.identity.Identity`, as JSON); the dataset's holds the manifest_version. A `Scene`
-    of your own can't be recovered, and Minari warns: keep the program that makes it. With
+    (`sph_gym.env.identity.Identity`, as JSON); the dataset's holds the manifest_version. With
     reward="vector" rewards are (n_steps, n_terms), and rewards_sum is over all terms.
 
     Raises ValueError for less than one episode and for a dataset that exists or whose name isn't

@@ -30,6 +30,10 @@ INFO = {
     "fidelity_error": ("-", "drift from the reference in multiples of its tolerance"),
     "error": ("-", "the largest error in multiples of its tolerance"),
     "cost": ("-", "1 where an error is beyond its tolerance or the solver blew up, else 0"),
+    "energy_excess": (
+        "-",
+        "energy from nowhere as a share of what is at stake, negative where friction took more",
+    ),
     "control_work": ("J/m", "energy that the action's change of stiffness put into the fluid"),
     "blowup": ("-", "1 if the solver blew up in this step, else 0"),
     "blowup_substep": ("-", "substeps of the flow until the blow-up, -1 without"),
@@ -146,6 +150,7 @@ class Episode:
             "fidelity_error": errors.fidelity,
             "error": worst,
             "cost": float(report.diverged or worst > 1.0),
+            "energy_excess": self._numbers["energy_excess"],
             "control_work": self._control_work,
             "blowup": float(report.diverged),
             "blowup_substep": self._numbers["blowup_substep"] if report.diverged else -1.0,

@@ -69,6 +69,16 @@ def entry(id_: str) -> Entry | None:
     return None if found is None else found.entries.get(id_)
 
 
+def lengths(name: str) -> dict[str, int]:
+    """Return the steps of an episode of each listed flow of an environment, by id."""
+    found = load(name)
+    if found is None:
+        return {}
+    # a reference has one row more, the start
+    steps = np.diff(_columns(found.path)["offsets"]) - 1
+    return dict(zip(found.entries, steps.tolist(), strict=True))
+
+
 @cache
 def load(name: str, folder: Path = FOLDER) -> Manifest | None:
     """Return the manifest of an environment, None if it has none.

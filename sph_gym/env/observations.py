@@ -159,7 +159,7 @@ CHANNELS = (
 
 
 class Field:
-    """A picture for networks with convolutions: (36, 36, 4) uint8, the first row on top.
+    """A picture for networks with convolutions: (4, 36, 36) uint8, channels, rows from the top.
 
     CHANNELS tells what they show, with U = c0 / 10. The picture spans the fluid's start and the
     walls; what leaves it isn't seen. rollback: progress shares its band with the blow-ups in a
@@ -172,8 +172,8 @@ class Field:
         self._rollback = rollback
 
     def space(self) -> spaces.Box:
-        """Return Box(0, 255, (36, 36, 4), uint8)."""
-        return spaces.Box(0, 255, (self.SIZE, self.SIZE, 4), np.uint8)
+        """Return Box(0, 255, (4, 36, 36), uint8)."""
+        return spaces.Box(0, 255, (len(CHANNELS), self.SIZE, self.SIZE), np.uint8)
 
     def observe(self, moment: Moment) -> NDArray[Any]:
         """Return the picture of the present state."""
@@ -185,17 +185,17 @@ class Field:
         inside = (column >= 0) & (column < size) & (row >= 0) & (row < size)
         place = (row[inside] * size + column[inside]).astype(np.int64)
         count = np.bincount(place, minlength=size * size)
-        picture = np.empty((size, size, 4))
-        flat = picture.reshape(size * size, 4)
-        flat[:, 0] = 128 * count * scene.dx**2 / (extent[0] * extent[1] / size**2)
+        picture = np.empty((len(CHANNELS), size, size))
+        flat = picture.reshape(len(CHANNELS), size * size)
+        flat[0] = 128 * count * scene.dx**2 / (extent[0] * extent[1] / size**2)
         for channel, velocity in ((1, fluid.u), (2, fluid.v)):
             mean = np.bincount(place, velocity[:n][inside], size * size) / np.maximum(count, 1)
-            flat[:, channel] = 128 + 127 * np.tanh(mean / (scene.fluid.c0 / 10))
+            flat[channel] = 128 + 127 * np.tanh(mean / (scene.fluid.c0 / 10))
         shares = (moment.progress, *((moment.coordinates + 1) / 2))
         for band, share in enumerate(shares):
-            picture[band * size // 4 : (band + 1) * size // 4, :, 3] = 255 * share
+            picture[3, band * size // 4 : (band + 1) * size // 4] = 255 * share
         if self._rollback:
-            picture[: size // 4, size // 2 :, 3] = 255 * moment.rollbacks
+            picture[3, : size // 4, size // 2 :] = 255 * moment.rollbacks
         return np.clip(np.rint(picture), 0, 255).astype(np.uint8)
 
 

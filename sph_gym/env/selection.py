@@ -1,60 +1,100 @@
 """The flows from which the resets of an environment choose."""
 
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from sph_gym.env import instances, viscous
+from sph_gym.env import instances, manifest, viscous
 from sph_gym.env.distributions import FAMILIES
 from sph_gym.env.fingerprint import fingerprint
+from sph_gym.env.reference import n_frames
 from sph_gym.solver.checks import known, positive
 from sph_gym.solver.scene import Scene
 
 MIXED = "mixed"
 
 
-class Selection:
-    """The instances of one set, of one environment or of all; or a user's own scene.
+def own_scene(scene: Any) -> Any:
+    """Return the Scene of a `Scene.to_dict`, and anything else as it is.
 
-    scene, dx, split: `scene`, `dx` and `instances` of `TuningEnv`. Raises ValueError that names
-    the argument.
+    Raises ValueError for other dictionaries.
+    """
+    return Scene.from_dict(scene) if isinstance(scene, Mapping) else scene
+
+
+class Selection:
+    """The instances of one set, of one environment or of all; a list; or a user's own scene.
+
+    scene, dx, chosen: `scene`, `dx` and `instances` of `TuningEnv`. turn: place in the list that
+    the next episode shows, counted on beyond its end. Raises ValueError that names the argument.
     """
 
-    def __init__(self, scene: str | Scene | None, dx: float | None, split: str) -> None:
+    def __init__(self, scene: Any, dx: float | None, chosen: str | Sequence[str]) -> None:
+        scene = own_scene(scene)
         if scene is None:
             raise ValueError("scene: expected the name of a scene or a Scene of your own, got None")
-        self._scene, self._dx, self._split = scene, dx, split
+        self._scene, self._dx, self._set, self.turn = scene, dx, chosen, 0
+        self._list: tuple[str, ...] = ()
         if isinstance(scene, Scene):
-            if dx is not None or split != "nominal":
+            if dx is not None or chosen != "nominal":
                 raise ValueError("scene: a Scene of your own has its own dx, and no instances")
             viscous.check("scene", scene)
             self._own_id = f"{scene.name}/{instances.CUSTOM}/{fingerprint(scene)}"
             return
         if dx is not None:
-            positive("dx", dx)
-        self._names = tuple(FAMILIES) if scene == MIXED else (scene,)
-        for name in self._names:
-            first = instances.instance(name, split, 0, dx)
-            if dx is not None:
+            # a plain number, since ids spell it
+            self._dx = dx = positive("dx", dx)
+        self._names = tuple(FAMILIES) if scene == MIXED else (known("scene", scene, FAMILIES),)
+        if isinstance(chosen, str):
+            firsts = [instances.instance(name, chosen, 0, dx) for name in self._names]
+        else:
+            firsts = self._listed(chosen)
+            self._list = tuple(first.id for first in firsts)
+        if dx is not None:
+            for first in firsts:
                 _check_spacing(first, dx)
 
-    def draw(self, rng: np.random.Generator, options: dict[str, Any] | None) -> tuple[str, Scene]:
+    def _listed(self, ids: Any) -> list[instances.Instance]:
+        """Return the instances of a list, those whose ids name no spacing at that of `dx`."""
+        if not isinstance(ids, Sequence) or len(ids) == 0:
+            raise ValueError(
+                f"instances: expected one of {', '.join(instances.SIZES)} or a list of ids such as "
+                f"'dam_break/test/3', got {ids!r}"
+            )
+        found = [instances.parse(id_) for id_ in ids]
+        for k, each in enumerate(found):
+            known("scene of the instance", each.scene, self._names)
+            if self._dx is not None and instances.SPACING not in each.id:
+                found[k] = instances.instance(each.scene, each.split, each.number, self._dx)
+        return found
+
+    def draw(
+        self, rng: np.random.Generator, options: dict[str, Any] | None, seed: int | None = None
+    ) -> tuple[str, Scene]:
         """Return id and scene of an episode, from the options or by the environment's generator.
 
-        Raises ValueError for unknown options.
+        Lists are shown in turn, from place `seed` on, if there is one. Raises ValueError for
+        unknown options.
         """
         if not isinstance(options, dict | None):
             raise ValueError(f"options: expected a dictionary, got {options!r}")
         for name in options or {}:
             known("options", name, ("instance",))
         wanted = (options or {}).get("instance")
+        if seed is not None:
+            self.turn = int(seed)
         if wanted is not None:
             return self.find(wanted)
         if isinstance(self._scene, Scene):
             return self._own_id, self._scene
+        if self._list:
+            self.turn += 1
+            return self.find(self._list[(self.turn - 1) % len(self._list)])
         name = self._names[int(rng.integers(len(self._names)))]
-        number = int(rng.integers(instances.SIZES[self._split]))
-        chosen = instances.instance(name, self._split, number, self._dx)
+        number = int(rng.integers(instances.SIZES[str(self._set)]))
+        chosen = instances.instance(name, str(self._set), number, self._dx)
         return chosen.id, chosen.build()
 
     def find(self, id_: str) -> tuple[str, Scene]:
@@ -68,6 +108,31 @@ class Selection:
         built = chosen.build()
         viscous.check("instance", built)
         return chosen.id, built
+
+    def n_steps(self) -> int | None:
+        """Return the steps of every episode, None if they differ (or a large set isn't listed)."""
+        if isinstance(self._scene, Scene):
+            return n_frames(self._scene)
+        found: int | None = None
+        lengths = cache(manifest.lengths)
+        for id_ in self._ids():
+            n_steps = lengths(id_.split("/")[0]).get(id_)
+            if n_steps is None and (self._list or self._set == "nominal"):
+                n_steps = n_frames(instances.parse(id_).build())
+            if n_steps is None or found not in (None, n_steps):
+                return None
+            found = n_steps
+        return found
+
+    def _ids(self) -> Iterator[str]:
+        """Yield the ids of all flows that resets may choose."""
+        if self._list:
+            yield from self._list
+            return
+        for name in self._names:
+            spacing = "" if self._dx in (None, FAMILIES[name].dx) else f"/dx={self._dx!r}"
+            for number in range(instances.SIZES[str(self._set)]):
+                yield f"{name}/{self._set}/{number}{spacing}"
 
 
 def _check_spacing(instance: instances.Instance, dx: float) -> None:

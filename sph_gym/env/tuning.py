@@ -1,10 +1,15 @@
 """The environment: one step is one frame of physical time with the controls of the action."""
 
 import copy
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
@@ -14,7 +19,8 @@ from sph_gym.env.fingerprint import digest
 from sph_gym.env.identity import Identity, identify
 from sph_gym.env.rules import Rules
 from sph_gym.env.selection import Selection
-from sph_gym.solver.checks import known
+from sph_gym.solver.checks import known, whole
+from sph_gym.solver.plain import to_plain
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 
@@ -23,18 +29,20 @@ if TYPE_CHECKING:
 
 PICTURE_WIDTH = 640
 # Version of the form of states.
-STATE_VERSION = 1
-STATE_PARTS = ("version", "rules", "instance", "episode", "generator", "checksum")
+STATE_VERSION = 2
+STATE_PARTS = ("version", "rules", "instance", "episode", "generator", "turn", "checksum")
 
 
 class TuningEnv(gym.Env[NDArray[Any], Any]):
     """An agent tunes the time step, the stiffness and the XSPH epsilon of a running SPH solver.
 
     ## Arguments
-    - `scene`: the name of a scene, "mixed" for any of them, or a `Scene` of your own
+    - `scene`: the name of a scene, "mixed" for any of them, or a `Scene` of your own, also as its
+      `Scene.to_dict()`
     - `dx`: particle spacing [m], by default a coarse one
     - `instances`: "nominal" or a numbered set, "train", "val", "test" or "ood", from which every
-      reset draws with the environment's own generator
+      reset draws with the environment's own generator; or a list of ids, which resets show in
+      turn, from place seed (modulo its length) on after a reset with a seed
     - `action_mode`: "absolute", "delta" or "discrete" (`sph_gym.env.actions`)
     - `on_blowup`: "terminate", or "rollback", which charges for the step, goes back to where it
       began and tells the agent, at most three times in a row
@@ -66,9 +74,9 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
 
     def __init__(
         self,
-        scene: str | Scene | None = None,
+        scene: str | Scene | dict[str, Any] | None = None,
         dx: float | None = None,
-        instances: str = "nominal",
+        instances: str | Sequence[str] = "nominal",
         *,
         render_mode: str | None = None,
         **rules: Any,
@@ -82,6 +90,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
             self.reward_space = self.rules.reward_space()
             self.reward_dim = len(rewards.TERMS)
         self.render_mode = render_mode
+        self._spec: EnvSpec | None = None
         self._episode: Episode | None = None
         self._painter: Painter | None = None
         self._window: Window | None = None
@@ -93,7 +102,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     ) -> tuple[NDArray[Any], dict[str, Any]]:
         """Start an episode; options may name the instance."""
         super().reset(seed=seed)
-        self._begin(*self.selection.draw(self.np_random, options))
+        self._begin(*self.selection.draw(self.np_random, options, seed))
         if self.render_mode == "human":
             self.render()
         return self.episode.observe(), dict(self.episode.info)
@@ -144,9 +153,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
             return self._painter.paint(episode.sim, title=episode.instance_id, lines=lines)
         if self.render_mode == "human":
             if self._window is None:
-                from sph_gym.view import Window
-
-                self._window = Window(episode.scene)
+                self._window = _open_window(episode.scene)
             self._window.show(episode.sim, lines=lines)
             return None
         gym.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
@@ -161,6 +168,23 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     def __getstate__(self) -> dict[str, Any]:
         # pictures can't be copied; they are made anew when they are needed
         return self.__dict__ | {"_painter": None, "_window": None}
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How to make this environment again; plain data for JSON, with a Scene as `to_dict`.
+
+        `max_episode_steps` is the length of all episodes, None if they differ. No `TimeLimit` is
+        there: the environment itself truncates.
+        """
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec and plain_spec(spec, self.fixed_length())
+
+    def fixed_length(self) -> int | None:
+        """Return the steps of every episode, None if they differ or blow-ups are taken back."""
+        return None if self.rules.rollbacks else self.selection.n_steps()
 
     # --- the present episode ----------------------------------------------------------------
 
@@ -210,6 +234,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
             "instance": self.instance_id,
             "episode": self.episode.state(),
             "generator": self.np_random.bit_generator.state,
+            "turn": self.selection.turn,
         }
         return state | {"checksum": digest(state)}
 
@@ -222,6 +247,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         self._check_state(state)
         # on a copy first, so that a wrong state changes nothing
         generator = copy.deepcopy(self.np_random.bit_generator)
+        turn = whole("state: turn", state["turn"])
         try:
             generator.state = state["generator"]
         except (KeyError, TypeError, ValueError) as error:
@@ -236,6 +262,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         if present is not self._episode:
             self._episode, self._painter = present, None
         self.np_random.bit_generator.state = state["generator"]
+        self.selection.turn = turn
 
     def _check_state(self, state: Any) -> None:
         """Raise ValueError for a state that was changed, and for one of other rules."""
@@ -251,3 +278,34 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
                     f"state: of an environment with {name} = {state['rules'][name]!r}, but here it "
                     f"is {here!r}"
                 )
+
+
+def _open_window(scene: Scene) -> "Window":
+    """Return a window, one that nobody sees if there is no screen; a warning says so."""
+    from sph_gym.view import Window
+
+    try:
+        return Window(scene)
+    except RuntimeError as error:
+        gym.logger.warn(f"render_mode='human': {error}; nothing is shown")
+    chosen = os.environ.get("SDL_VIDEODRIVER")
+    os.environ["SDL_VIDEODRIVER"] = "dummy"
+    try:
+        return Window(scene)
+    finally:
+        del os.environ["SDL_VIDEODRIVER"]
+        os.environ |= {} if chosen is None else {"SDL_VIDEODRIVER": chosen}
+
+
+def _plain_argument(value: Any) -> Any:
+    if isinstance(value, Scene):
+        return value.to_dict()
+    if isinstance(value, Enum):
+        return value.value
+    return to_plain(value, "") if isinstance(value, (Mapping, np.generic)) else value
+
+
+def plain_spec(spec: EnvSpec, n_steps: int | None) -> EnvSpec:
+    """Return a spec as plain data for JSON; n_steps: of every episode, unless it has a limit."""
+    kwargs = {name: _plain_argument(value) for name, value in spec.kwargs.items()}
+    return replace(spec, kwargs=kwargs, max_episode_steps=spec.max_episode_steps or n_steps)

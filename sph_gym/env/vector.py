@@ -5,12 +5,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
 
-from sph_gym.env.tuning import TuningEnv
+from sph_gym.env.selection import own_scene
+from sph_gym.env.tuning import TuningEnv, plain_spec
 from sph_gym.solver import teams
 from sph_gym.solver.checks import known, whole
 
@@ -61,7 +63,12 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         if render_mode is not None:
             known("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
+        self._spec: EnvSpec | None = None
+        arguments["scene"] = own_scene(arguments.get("scene"))
         self.envs = [TuningEnv(**arguments, render_mode=render_mode) for _ in range(num_envs)]
+        for k, env in enumerate(self.envs):
+            # a list of instances is shown from another place on in each of them
+            env.selection.turn = k
         self.single_action_space = self.envs[0].action_space
         self.single_observation_space = self.envs[0].observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -79,6 +86,16 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """Their seeds."""
         return tuple(env.np_random_seed for env in self.envs)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How to make this vector again; see `TuningEnv.spec`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        n_steps = None if self.max_episode_steps else self.envs[0].fixed_length()
+        self._spec = spec and plain_spec(spec, n_steps)
 
     # --- reset ------------------------------------------------------------------------------
 

@@ -2,7 +2,6 @@
 
 import gc
 import hashlib
-import os
 import sys
 import warnings
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.typed_passes import IRLegalization
 from numba.extending import overload, register_jitable
 
+from sph_gym.files import cache_home
 from sph_gym.solver import target
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -29,17 +29,6 @@ FASTMATH = {"contract", "arcp", "afn", "nsz"}
 FULL_OPT: Any = numba.config.OPT  # type: ignore[attr-defined]
 HELPER_OPT = 1
 OPTIONS: Any = {"error_model": "numpy", "nogil": True, "fastmath": FASTMATH, "_nrt": False}
-
-
-def cache_home() -> Path:
-    """Return the folder for all that can be recomputed; `SPH_GYM_CACHE` overrides it."""
-    if chosen := os.environ.get("SPH_GYM_CACHE"):
-        return Path(chosen)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA", "~/AppData/Local")
-    else:
-        base = os.environ.get("XDG_CACHE_HOME", "~/.cache")
-    return Path(base).expanduser() / "sph_gym"
 
 
 @cache

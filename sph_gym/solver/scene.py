@@ -1,7 +1,9 @@
 """Scenes: fluid, effects and geometry, checked once, in Python, at the door."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,18 +11,22 @@ from numpy.typing import ArrayLike
 from sph_gym.solver.checks import finite_array, in_range, known, positive
 from sph_gym.solver.door import check_places
 from sph_gym.solver.effects import Effects
+from sph_gym.solver.gravity import AnyGravity
 from sph_gym.solver.integrators import INTEGRATORS, VISCOUS_SHARES
 from sph_gym.solver.kernels import ALL_KERNELS, viscous_share
 from sph_gym.solver.neighbors import NARROWEST_DOMAIN
+from sph_gym.solver.plain import from_plain, to_plain
 from sph_gym.solver.state import Controls
 from sph_gym.solver.surface import FRICTION_SHARE, layer_viscosity
-from sph_gym.solver.walls import Walls
+from sph_gym.solver.walls import Motion, Walls
 
 # Largest h / dx: beyond it a particle has more than 30,000 neighbours, and a unit is surely wrong.
 WIDEST = 100
 # Smallest and largest lengths [m] and speeds [m/s]: beyond them powers of h overflow.
 SMALLEST, LARGEST = 1e-12, 1e12
 EQUATIONS_OF_STATE = ("tait",)
+# Version of the form of `Scene.to_dict`.
+FORM = 1
 
 
 @dataclass(frozen=True)
@@ -155,6 +161,39 @@ class Scene:
             object.__setattr__(self, "controls", check_controls(self.controls))
         self._check_walls()
         self._check_hydrostatic()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scene as plain data for JSON, from which `from_dict` makes it again.
+
+        Numbers keep all their digits; infinity is the text "inf".
+        """
+        return {"version": FORM} | to_plain(self, "scene")
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "Scene":
+        """Return the scene of a `to_dict`, or of the parameters of a recording.
+
+        Its simulations are the same to the last bit. Raises ValueError for anything else, for
+        another version, and as `Scene` does.
+        """
+        if not isinstance(data, Mapping) or data.get("class") != cls.__name__:
+            raise ValueError(f"scene: expected a dictionary of Scene.to_dict(), got {data!r:.80}")
+        parts = dict(data)
+        # recordings tell the version of the package instead
+        version = parts.pop("version", FORM)
+        if version != FORM:
+            raise ValueError(f"scene.version: expected {FORM}, got {version!r}")
+        controls = parts.get("controls")
+        if isinstance(controls, Mapping):
+            if set(controls) != set(Controls._fields):
+                raise ValueError(
+                    f"scene.controls: expected {', '.join(Controls._fields)}, got {controls!r}"
+                )
+            parts["controls"] = Controls(**controls)
+        kinds = (cls, Fluid, Effects, Walls, Motion, *get_args(AnyGravity))
+        found = from_plain("scene", parts, {kind.__name__: kind for kind in kinds})
+        assert isinstance(found, cls)
+        return found
 
     @property
     def viscous_share(self) -> float:

@@ -18,3 +18,8 @@ class Warning(NamedTuple):
     limit: float
     since: float
     message: str
+
+
+def short(warning: Warning) -> str:
+    """Return a warning in a few words, for pictures and tables."""
+    return f"{warning.kind} {warning.value:.3g} (limit {warning.limit:.3g})"

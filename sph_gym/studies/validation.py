@@ -28,7 +28,8 @@ from sph_gym.studies.table import Row
 class Validated(NamedTuple):
     """A finished run: its scene and arguments, what was found, how long it took.
 
-    chart: with its reference; seconds: wall clock without compilation; work: particle-steps.
+    warnings: kind, value and limit of the simulation's at the end; seconds: wall clock without
+    compilation; work: particle-steps; chart: with its reference.
     """
 
     scene: str
@@ -38,6 +39,7 @@ class Validated(NamedTuple):
     chart: Chart
     seconds: float
     work: int
+    warnings: Sequence[tuple[str, float, float]] = ()
 
     @classmethod
     def from_json(cls, stored: dict[str, Any]) -> "Validated":
@@ -94,10 +96,12 @@ def measure(
 
 
 def rows(result: Validated) -> Iterator[Row]:
-    """Yield the measures of one run, and its time."""
+    """Yield the measures of one run, its warnings, which fail, and its time."""
     case = _case(result.scene, result.arguments)
     for found in result.measures:
         yield Row(found.quantity, case, found.value, found.unit, found.bound)
+    for kind, value, limit in result.warnings:
+        yield Row(f"warning: {kind}", case, value, "", limit)
     yield Row("wall clock", case, result.seconds, "s")
 
 
@@ -147,4 +151,5 @@ def _run(name: str, arguments: dict[str, Any]) -> Validated:
         seconds = time.perf_counter() - began
     found, chart = reference.judge(ended), reference.chart(ended)
     work = meter.substeps * sim.n_particles
-    return Validated(name, arguments, sim.scene.dx, found, chart, seconds, work)
+    told = [(warning.kind, warning.value, warning.limit) for warning in sim.warnings]
+    return Validated(name, arguments, sim.scene.dx, found, chart, seconds, work, told)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.warnings import short
 from sph_gym.view import colors
 from sph_gym.view.layout import LINE, N_LINES, arrange
 from sph_gym.view.overlays import (
@@ -63,6 +64,7 @@ class Painter:
         em = self.layout.em
         self._title = Lettering(em, colors.INK, bold=True)
         self._ink = Lettering(em, colors.INK)
+        self._alarm = Lettering(em, colors.BAD, bold=True)
         self._muted = Lettering(em, colors.MUTED)
         self._surface: Surface = load().Surface(self.size, 0, 32)
         self._backdrop: Surface = load().Surface(self.size, 0, 32)
@@ -89,7 +91,8 @@ class Painter:
         """Return a new picture, (height, width, 3), of the present state.
 
         title: above the fluid, by default the scene's name; lines: at most two, shown below the
-        controls. Raises ValueError for more lines.
+        controls. Warnings of the simulation are shown in the upper left corner of the domain.
+        Raises ValueError for more lines.
         """
         surface = self.draw(sim, title, lines)
         data = load().image.tobytes(surface, "RGB")
@@ -103,6 +106,7 @@ class Painter:
         x = sim.x
         self._draw_backdrop(x[sim.n_fluid :])
         unit = self._draw_fluid(sim, x[: sim.n_fluid])
+        self._draw_warnings(sim)
         self._draw_header(sim, title, unit)
         self._draw_footer(sim, lines)
         return self._surface
@@ -140,6 +144,14 @@ class Painter:
         along = a[carriers] * (length / unit, -length / unit)
         draw_arrows(inside, at[carriers], along, 2 * length)
         return unit
+
+    def _draw_warnings(self, sim: Simulation) -> None:
+        text = ", ".join(map(short, sim.warnings))
+        if text:
+            left, top, width, _ = self.layout.domain
+            text = self._alarm.fitted(f"warning: {text}", width - self.layout.em)
+            place = left + 0.5 * self.layout.em, top + 0.4 * self.layout.em
+            self._alarm.draw(self._surface, text, *place)
 
     def _draw_header(self, sim: Simulation, title: str, unit: float) -> None:
         """Draw the title on the left, the time on the right, and an arrow of unit length."""

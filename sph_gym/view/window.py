@@ -1,5 +1,7 @@
 """`Window`: a running simulation on the screen, with keys to pause it and to look closer."""
 
+import os
+import warnings
 import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -26,6 +28,10 @@ HELP = (
 # How long a paused window sleeps at most [ms], so that Ctrl-C in the terminal works.
 NAP = 200
 FASTEST = 60.0
+# Drivers that SDL takes where there is no screen.
+UNSEEN = ("dummy", "offscreen")
+NO_SCREEN = "no screen to open a window on"
+INSTEAD = "Painter, --video and render_mode='rgb_array' need none"
 
 
 class Window:
@@ -37,9 +43,9 @@ class Window:
     quantity for the colours, N colours by neighbours and back, F draws the forces, P saves the
     picture as PNG in the working directory, Esc or Q closes.
 
-    pygame has one display a process: a new window closes the one before. Raises ValueError as
-    `Painter` does, and RuntimeError if the video driver that SDL_VIDEODRIVER names has no screen
-    (without that variable and without a screen, SDL draws into the void).
+    pygame has one display a process: a new window closes the one before. Without that variable and
+    without a screen, nothing can be seen, and a warning says so. Raises ValueError as `Painter`
+    does, and RuntimeError if the video driver that SDL_VIDEODRIVER names has no screen.
     """
 
     _latest: "weakref.ref[Window] | None" = None
@@ -95,8 +101,8 @@ class Window:
             self._clock.tick(min(1.0 / sim.scene.frame, FASTEST))
 
     def wait_until_closed(self) -> None:
-        """Leave the last picture on the screen; keys that change it still work."""
-        while not self.closed:
+        """Leave the last picture on the screen, if there is one; keys that change it still work."""
+        while not self.closed and self._on_screen:
             self._react(load().event.wait(NAP))
 
     def close(self) -> None:
@@ -117,10 +123,11 @@ class Window:
             pygame.display.set_mode((width, height + self._strip))
         except pygame.error as error:
             pygame.display.quit()
-            raise RuntimeError(
-                f"no screen to open a window on ({error}); Painter and render_mode='rgb_array' "
-                "need none"
-            ) from None
+            raise RuntimeError(f"{NO_SCREEN} ({error}): {INSTEAD}") from None
+        chosen = os.environ.get("SDL_VIDEODRIVER", "")
+        self._on_screen = bool(chosen) or pygame.display.get_driver() not in UNSEEN
+        if not self._on_screen:
+            warnings.warn(f"{NO_SCREEN}, nothing can be seen: {INSTEAD}", stacklevel=4)
 
     @property
     def _strip(self) -> int:

@@ -1,6 +1,7 @@
 import math
 from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given
@@ -98,3 +99,35 @@ def test_moves_are_what_actions_do():
     kind = actions.make("discrete")
     done = [kind.act(action, np.zeros(3)) / actions.STEP for action in range(27)]
     assert np.array_equal(done, actions.MOVES)
+
+
+@pytest.mark.parametrize("mode", ["absolute", "delta"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_what_is_a_rounding_beyond_the_bounds_is_cut_off(mode, dtype):
+    kind, present = actions.make(mode), np.zeros(3)
+    beyond = np.array([1 + 1e-6, -1 - 1e-6, 0.25], dtype)
+    exact = np.array([1.0, -1.0, 0.25])
+    assert np.array_equal(kind.act(beyond, present), kind.act(exact, present))
+
+
+@pytest.mark.parametrize("mode", ["absolute", "delta"])
+@pytest.mark.parametrize("beyond", [1e-5, 1e-3, 1.0])
+def test_more_than_a_rounding_is_refused(mode, beyond):
+    for action in ([1 + beyond, 0, 0], [0, -1 - beyond, 0], np.float32([0, 0, 1 + beyond])):
+        with pytest.raises(ValueError, match=r"3 finite numbers in \[-1, 1\]"):
+            actions.make(mode).act(action, np.zeros(3))
+
+
+def test_the_ends_of_rescaled_spaces_are_actions():
+    class Box(gym.Env):
+        action_space, observation_space = actions.make("absolute").space(), gym.spaces.Discrete(1)
+
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        low = rng.uniform(-5, 1)
+        high = low + rng.uniform(0.1, 5)
+        wrapped = gym.wrappers.RescaleAction(Box(), np.float32(low), np.float32(high))
+        for end, wanted in ((wrapped.action_space.low, -1.0), (wrapped.action_space.high, 1.0)):
+            found = actions.make("absolute").act(wrapped.action(end), np.zeros(3))
+            assert found == pytest.approx([wanted] * 3, abs=actions.ROUNDING)
+            assert np.abs(found).max() <= 1.0

@@ -1,5 +1,7 @@
+import gc
 import json
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -114,9 +116,46 @@ def test_a_dataset_tells_what_made_its_flows():
     assert scenes.make(coarse["builder"], **coarse["arguments"]).dx == 0.08
 
 
-def test_a_scene_of_ones_own_is_told_by_its_fingerprint_and_not_recovered():
+def test_a_scene_of_ones_own_is_told_by_its_fingerprint_and_recovered():
     scene = scenes.make("drop_impact", dx=0.08)
-    with pytest.warns(UserWarning, match="not be able to recover"):
-        data = record("sph_gym/Custom-v0", random_agent(), 1, NAME, arguments={"scene": scene})
+    data = record("sph_gym/Custom-v0", random_agent(), 1, NAME, arguments={"scene": scene})
     (about,) = data.storage.get_episode_metadata([0])
     assert json.loads(about["instance"])["fingerprint"] == fingerprint(scene)
+    env = minari.load_dataset(NAME).recover_environment()
+    (episode,) = data
+    observation, info = env.reset(seed=about["seed"])
+    assert info["instance_id"] == about["instance_id"]
+    assert np.array_equal(observation, episode.observations[0])
+    for k, action in enumerate(episode.actions[:3]):
+        assert np.array_equal(env.step(action)[0], episode.observations[k + 1])
+
+
+OWN = {"scene": scenes.make("drop_impact", dx=0.08)}
+
+
+@pytest.mark.filterwarnings("ignore:.* is set to None")
+# minari leaves its temporary folder to the garbage collector
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.parametrize("infos", [False, True])
+@pytest.mark.parametrize(
+    ("id_", "arguments"),
+    [(ID, ARGUMENTS), ("sph_gym/Custom-v0", OWN), (ID, {**ARGUMENTS, "observation": "field"})],
+    ids=["named", "own", "field"],
+)
+def test_the_collector_of_minari_works(id_, arguments, infos):
+    pytest.importorskip("jax")
+    env = minari.DataCollector(gym.make(id_, **arguments), record_infos=infos)
+    seen, over = [env.reset(seed=0)[0]], False
+    while not over:
+        observation, _, terminated, truncated, _ = env.step(env.action_space.sample())
+        seen.append(observation)
+        over = terminated or truncated
+    env.create_dataset("test/collected-v0")
+    env.close()
+    del env
+    gc.collect()
+    data = minari.load_dataset("test/collected-v0")
+    (episode,) = data
+    assert np.array_equal(episode.observations, seen)
+    assert ("time" in (episode.infos or {})) == infos
+    assert np.array_equal(data.recover_environment().reset(seed=0)[0], seen[0])

@@ -226,3 +226,32 @@ def test_the_finest_spacing_that_is_let_in_has_a_reference():
     sph_gym.TuningEnv(scene)
     assert module._cfl_substeps(scene) > 0
     assert np.isfinite(module._run(scene, 1.0).kinetic).all()
+
+
+# --- Scenes that aren't fit -----------------------------------------------------------------
+
+
+def crowded(share):
+    """Return particles so close to each other that they burst apart; share: of the usual dx."""
+    own = scenes.make("relaxation", dx=0.1)
+    x = np.asarray(own.x)
+    return replace(own, name="own", x=x.mean(axis=0) + share * (x - x.mean(axis=0)))
+
+
+def test_a_scene_that_makes_its_own_energy_is_refused_with_the_numbers(store, monkeypatch):
+    monkeypatch.setattr(module, "MOST_EXCESS", -1.0)
+    env = sph_gym.TuningEnv(crowded(1.0))
+    for _ in range(2):
+        with pytest.raises(ValueError, match=r"own: the reference run .* -?\d+% of what is at st"):
+            env.reset(seed=0)
+    assert not store.exists()
+
+
+def test_a_scene_that_blows_up_is_refused_with_the_numbers(store):
+    text = r"own: the reference run blew up at t = .* \(.*\), with \d+% of the energy .* \d+% of"
+    with pytest.raises(ValueError, match=text):
+        sph_gym.TuningEnv(crowded(0.3)).reset(seed=0)
+
+
+def test_whoever_expects_a_runtime_error_gets_one():
+    assert issubclass(module.UnusableScene, RuntimeError)

@@ -7,7 +7,15 @@ import pytest
 pytest.importorskip("stable_baselines3")
 from stable_baselines3 import PPO
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv
+from stable_baselines3.common.preprocessing import (
+    is_image_space,
+    is_image_space_channels_first,
+)
+from stable_baselines3.common.vec_env import (
+    DummyVecEnv,
+    VecTransposeImage,
+    is_vecenv_wrapped,
+)
 
 from sph_gym.env.stable_baselines import TuningVecEnv
 
@@ -84,3 +92,23 @@ def test_vector_rewards_are_refused():
 def test_the_number_of_environments_may_be_written_as_a_float():
     envs = TuningVecEnv(2.0, **ARGUMENTS)
     assert envs.num_envs == len(envs.reset()) == 2
+
+
+def test_a_network_with_convolutions_takes_the_field_as_it_is():
+    envs = TuningVecEnv(2, max_episode_steps=SHORT, observation="field", **ARGUMENTS)
+    assert is_image_space(envs.observation_space)
+    assert is_image_space_channels_first(envs.observation_space)
+    model = PPO("CnnPolicy", envs, n_steps=4, batch_size=8, n_epochs=1, device="cpu")
+    assert not is_vecenv_wrapped(model.get_env(), VecTransposeImage)
+    model.learn(8)
+
+
+def test_roundings_are_cut_off_and_lists_of_flows_shown():
+    chosen = [f"drop_impact/val/{k}/dx=0.08" for k in range(3)]
+    envs = TuningVecEnv(2, scene="drop_impact", instances=chosen, max_episode_steps=2)
+    envs.reset()
+    assert envs.get_attr("instance_id") == chosen[:2]
+    for _ in range(2):
+        *_, infos = envs.step(np.full((2, 3), 1.000001, np.float32))
+    assert [info["instance_id"] for info in infos] == chosen[:2]
+    assert envs.get_attr("instance_id") == chosen[1:]

@@ -1,4 +1,6 @@
 import copy
+import gc
+import os
 import pickle
 from dataclasses import replace
 
@@ -512,14 +514,14 @@ def test_a_field_shows_where_the_fluid_is_and_goes():
     made = sph_gym.TuningEnv("dam_break", dx=0.04, observation="field")
     picture, _ = made.reset(seed=0)
     assert made.observation_space.contains(picture)
-    assert picture[:, :8, 0].max() > 100  # the column at the left
-    assert picture[:, 20:, 0].max() == 0
-    assert (picture[:, :, 1:3] == 128).all()
+    assert picture[0, :, :8].max() > 100  # the column at the left
+    assert picture[0, :, 20:].max() == 0
+    assert (picture[1:3] == 128).all()
     for _ in range(20):
         picture, *_ = made.step(GENTLE)
-    assert picture[-4, :, 1].max() > 140  # to the right
-    assert picture[:, :4, 2].min() < 120  # downwards
-    assert len(np.unique(picture[:9, :, 3])) == 1
+    assert picture[1, -4].max() > 140  # to the right
+    assert picture[2, :, :4].min() < 120  # downwards
+    assert len(np.unique(picture[3, :9])) == 1
 
 
 def test_mixed_draws_from_all_scenes():
@@ -531,3 +533,27 @@ def test_mixed_draws_from_all_scenes():
     assert drawn == set(SCENES)
     _, info = made.reset(options={"instance": "relaxation/val/1"})
     assert info["instance_id"] == "relaxation/val/1"
+
+
+def test_without_a_screen_the_environment_says_so_once_and_goes_on(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
+    env = sph_gym.TuningEnv("dam_break", render_mode="human", **COARSE)
+    with pytest.warns(UserWarning, match="human.*no screen.*nothing is shown"):
+        env.reset(seed=0)
+    env.step(GENTLE)
+    assert os.environ["SDL_VIDEODRIVER"] == "nonsense"
+    env.close()
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # moviepy leaves a pipe open
+def test_a_video_is_recorded(tmp_path):
+    pytest.importorskip("moviepy")
+    env = gym.make("sph_gym/DamBreak-v0", render_mode="rgb_array", **COARSE)
+    env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"), video_length=3)
+    env.reset(seed=0)
+    for _ in range(4):
+        env.step(GENTLE)
+    env.close()
+    gc.collect()
+    (film,) = tmp_path.glob("films/*.mp4")
+    assert film.stat().st_size > 1000

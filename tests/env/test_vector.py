@@ -182,3 +182,25 @@ def test_seeds_may_come_from_numpy_and_one_by_one():
     assert envs.np_random_seed == (7, 5)
     envs.reset(seed=[None, 6])
     assert envs.np_random_seed == (7, 6)
+
+
+def test_what_is_a_rounding_beyond_the_bounds_is_cut_off_in_vectors_too():
+    ours, theirs = vector(n=2), vector(n=2)
+    for envs in (ours, theirs):
+        envs.reset(seed=0)
+    beyond = np.full((2, 3), 1.000001, np.float32)
+    results = zip(ours.step(beyond), theirs.step(np.ones((2, 3), np.float32)), strict=True)
+    for one, other in results:
+        assert_same(one, other)
+    with pytest.raises(ValueError, match="action: expected"):
+        ours.step(np.full((2, 3), 1.001, np.float32))
+
+
+def test_the_energy_from_nowhere_is_told():
+    envs = vector(n=2)
+    _, info = envs.reset(seed=0)
+    assert info["energy_excess"].tolist() == [0.0, 0.0]
+    *_, info = envs.step(envs.action_space.sample())
+    found = [env.sim.diagnostics()["energy_excess"] for env in envs.unwrapped.envs]
+    assert info["energy_excess"].tolist() == found
+    assert info["_energy_excess"].all()

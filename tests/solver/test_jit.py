@@ -74,7 +74,7 @@ def test_the_users_folder_comes_first(monkeypatch, tmp_path):
     assert cache_home() == tmp_path / "mine"
     monkeypatch.delenv("SPH_GYM_CACHE")
     if sys.platform != "win32":
-        assert cache_home() == tmp_path / "xdg" / "sph_gym"
+        assert cache_home() == tmp_path / "xdg" / "sph-gym"
 
 
 def run(folder, cache):

@@ -7,6 +7,7 @@ import pytest
 from sph_gym import Simulation, scenes
 from sph_gym.__main__ import main
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference
+from sph_gym.solver.warnings import Warning
 from sph_gym.studies import gallery, run_study, validation
 
 QUICKLY = {"diameter": 0.3, "jitter": 0.01}
@@ -218,3 +219,10 @@ def test_a_run_to_a_blow_up_names_time_and_cause(planted):
     violent = np.random.default_rng(0).normal(0.0, 1e5, np.shape(scene.x))
     with pytest.raises(RuntimeError, match=r"relaxation: blew up at t = .* cause"):
         scenes.reference("relaxation").run(Simulation(replace(scene, v=violent)))
+
+
+def test_a_warning_is_a_row_that_fails(planted, tmp_path, monkeypatch):
+    told = Warning("energy", 0.39, 0.05, 0.1, "39 % of the energy at stake came from nowhere")
+    monkeypatch.setattr(Simulation, "warnings", (told,))
+    found = [row for row in rows(tmp_path) if row.quantity == "warning: energy"]
+    assert [(row.value, row.bound, row.holds) for row in found] == [(0.39, 0.05, False)] * 2

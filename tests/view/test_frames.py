@@ -10,6 +10,7 @@ import pygame
 import pytest
 
 from sph_gym import Simulation, scenes
+from sph_gym.solver.warnings import Warning
 from sph_gym.view import Painter, colors
 from sph_gym.view.overlays import arrow_carriers, arrow_unit, seconds, significant
 from sph_gym.view.particles import Discs
@@ -203,3 +204,19 @@ def test_wrong_arguments_are_named(late):
     painter = Painter(late.scene)
     with pytest.raises(ValueError, match=r"lines: expected at most 2, got 3"):
         painter.paint(late, lines=["a", "b", "c"])
+
+
+def test_a_warning_is_shown_in_the_corner(monkeypatch):
+    sim = Simulation(scenes.make("dam_break", dx=0.05))
+    painter = Painter(sim.scene)
+    monkeypatch.setattr(Simulation, "warnings", ())
+    calm = painter.paint(sim)
+    told = Warning("energy", 0.39, 0.05, 0.1, "39 % of the energy at stake came from nowhere")
+    monkeypatch.setattr(Simulation, "warnings", (told,) * 20)
+    alarmed = painter.paint(sim)
+    changed = np.argwhere((calm != alarmed).any(axis=2))
+    left, top, width, _ = painter.layout.domain
+    assert len(changed) > 100
+    assert changed[:, 0].min() >= top
+    assert changed[:, 0].max() <= top + 2 * painter.layout.em
+    assert changed[:, 1].max() < left + width

@@ -1,11 +1,14 @@
 """The window under SDL's dummy driver: what its keys do."""
 
+import os
+
 import numpy as np
 import pygame
 import pytest
 
 from sph_gym import Simulation, scenes
 from sph_gym.view import Window
+from sph_gym.view.window import UNSEEN
 
 
 @pytest.fixture
@@ -188,3 +191,26 @@ def test_without_a_screen_the_error_says_so(monkeypatch, late):
     monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
     with pytest.raises(RuntimeError, match="no screen"):
         Window(late.scene)
+
+
+@pytest.mark.parametrize("driver", UNSEEN)
+def test_nothing_waits_for_a_window_that_cannot_be_seen(monkeypatch, late, driver):
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: driver)
+    monkeypatch.setattr(pygame.display, "init", as_in_a_void(pygame.display.init))
+    with pytest.warns(UserWarning, match="no screen to open a window on, nothing can be seen"):
+        window = Window(late.scene, size=480)
+    window.show(late)
+    window.wait_until_closed()
+    assert not window.closed
+    window.close()
+
+
+def as_in_a_void(init):
+    """Return an `init` that takes the dummy driver, without the variable that chooses it."""
+
+    def changed():
+        os.environ["SDL_VIDEODRIVER"] = "dummy"
+        init()
+        del os.environ["SDL_VIDEODRIVER"]
+
+    return changed

@@ -189,10 +189,10 @@ def add_pairs(target, sources, lists, first, last, model, effects, sums):
 
 
 @jitable
-def pair_sums(i, fluid, walls, lists, model):
-    """Return the sums of the group that begins with fluid particle i, over fluid and walls."""
+def load_target(fluid, i):
+    """Return the group that begins with fluid particle i as a target of sums."""
     x = load(fluid.x, i)
-    target = Target(
+    return Target(
         x,
         load(fluid.y, i),
         load(fluid.u, i),
@@ -202,7 +202,13 @@ def pair_sums(i, fluid, walls, lists, model):
         load_or_zero(fluid.nx, i, x),
         load_or_zero(fluid.ny, i, x),
     )
-    zero = like(x, 0.0)
+
+
+@jitable
+def pair_sums(i, fluid, walls, lists, model):
+    """Return the sums of the group that begins with fluid particle i, over fluid and walls."""
+    target = load_target(fluid, i)
+    zero = like(target.x, 0.0)
     sums = Sums(zero, zero, zero, zero, zero, zero, zero)
     begin, end = fluid_range(lists, i)
     sums = add_pairs(target, fluid, lists, begin, end, model, model.effects, sums)

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, failure, stepping, teams
 from sph_gym.solver.checks import known, positive, whole
+from sph_gym.solver.contact import force_on
 from sph_gym.solver.diagnostics import ALL, Request
 from sph_gym.solver.energy import GravityWork, make_ledger
 from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.model import particle_mass
 from sph_gym.solver.origin import moved, origin
+from sph_gym.solver.sampling import level_at, pressure_at, velocity_at
 from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls
@@ -401,6 +403,10 @@ class Simulation:
         counts = np.zeros(self.n_fluid, np.int32)
         counts[self.engine.fluid.id] = self.engine.nearest_and_count()[1]
         return counts
+
+    # measured at points, in columns of water and on walls, as documented there
+    pressure_at, velocity_at, level_at = pressure_at, velocity_at, level_at
+    force_on = force_on
 
     def diagnostics(self) -> dict[str, float]:
         """The state in numbers. All are floats:

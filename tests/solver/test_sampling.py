@@ -3,8 +3,8 @@ import pytest
 
 from sph_gym.scenes.couette import couette
 from sph_gym.scenes.lid_driven_cavity import lid_driven_cavity
-from sph_gym.scenes.shared import sampling
-from sph_gym.scenes.shared.sampling import interpolate
+from sph_gym.solver import sampling
+from sph_gym.solver.sampling import interpolate
 from tests.scenes.planted import planted
 
 

@@ -33,13 +33,14 @@ def force_on(sim: "Simulation", walls: Any) -> Array:
 
     walls: "particles", all boundary particles; an array of their indices, 0 for the first of
     `walls.particles`, or a mask (n_walls,); a side of the box as it is now, "left", "right",
-    "bottom" or "top"; a plate, "plate 0" for the first of `walls.plates`.
+    "bottom" or "top"; a plate, "plate0" for the first of `walls.plates`.
 
     On boundary particles: minus the sum of the pair forces that the solver applies to the fluid
     now, so that momentum balances to rounding. On a side with boundary particles beyond it: of
     those pairs whose line passes that side of the box, the method of planes (Todd, Evans, Daivis
-    1995); within h of a corner each component counts for the side that it is normal to. On a side without any, and on both faces of a plate: `pressure_at` integrated along it,
-    normal to it. What the box or a plate takes from particles that hit it is in none of them.
+    1995); within h of a corner each component counts for the side that it is normal to. On a side
+    without any, and on both faces of a plate: `pressure_at` integrated along it, normal to it.
+    What the box or a plate takes from particles that hit it is in none of them.
 
     Raises ValueError for other words, a side where the box is open, an index out of range, a mask
     of another length, and a scene that doesn't have such walls.
@@ -49,7 +50,7 @@ def force_on(sim: "Simulation", walls: Any) -> Array:
     if walls == "particles":
         return _of_particles(sim, np.ones(_count(sim), bool))
     plates = () if sim.scene.walls is None else sim.scene.walls.plates
-    names = [f"plate {k}" for k in range(0 if plates is None else len(np.asarray(plates)))]
+    names = [f"plate{k}" for k in range(0 if plates is None else len(np.asarray(plates)))]
     name = known("walls", walls, ["particles", *SIDES, *names])
     if name in names:
         return _of_plate(sim, np.asarray(plates)[names.index(name)])
@@ -63,7 +64,9 @@ def _count(sim: "Simulation") -> int:
     """Return the number of boundary particles; ValueError without any."""
     n = sim.n_particles - sim.n_fluid
     if n == 0:
-        raise ValueError(f"walls: expected a scene with walls.particles, {sim.scene.name!r} has none")
+        raise ValueError(
+            f"walls: expected a scene with walls.particles, {sim.scene.name!r} has none"
+        )
     return n
 
 
@@ -74,7 +77,7 @@ def _chosen(sim: "Simulation", walls: Any) -> NDArray[np.bool_]:
         return given
     if given.dtype.kind not in "iu" or given.ndim != 1:
         raise ValueError(
-            f"walls: expected indices (m,) of boundary particles, a mask ({n},) of them, or a name, "
+            f"walls: expected a name, indices (m,) of boundary particles or a mask ({n},), "
             f"got an array of {given.dtype} of shape {given.shape}"
         )
     if len(given) and not (given.min() >= 0 and given.max() < n):

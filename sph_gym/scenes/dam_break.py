@@ -25,14 +25,12 @@ def dam_break(
     wet_bed: float = 0.0,
     obstacle: float = 0.0,
     obstacle_at: float = 4.0,
-    kernel: str = "mueller",
 ) -> Scene:
     """Column at the left wall of a tank `tank` column widths long.
 
     width, height: of the column [m], rounded to multiples of dx; gravity: downwards [m/s^2];
     wet_bed: depth [m] of the water that is already on the floor; obstacle: height [m] of a block
-    on the floor, half as wide as high, 0 for none; obstacle_at: its left face, in column widths;
-    kernel: of the fluid, the article's by default.
+    on the floor, half as wide as high, 0 for none; obstacle_at: its left face, in column widths.
     Lasts for 4 sqrt(width / g) of collapse and until the front could have crossed the tank and
     come half the way back.
     """
@@ -56,7 +54,7 @@ def dam_break(
         x=x,
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=sound_speed(math.sqrt(2 * gravity * height)), kernel=kernel),
+        fluid=Fluid(c0=sound_speed(math.sqrt(2 * gravity * height))),
         effects=Effects(gravity=(0.0, -gravity), xsph=True, artificial_viscosity=0.02),
         walls=Walls(particles=walls, box=(0.0, length, 0.0, math.inf)),
         duration=4 * math.sqrt(width / gravity) + 0.75 * length / math.sqrt(gravity * height),

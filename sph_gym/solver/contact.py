@@ -72,7 +72,11 @@ def _count(sim: "Simulation") -> int:
 
 def _chosen(sim: "Simulation", walls: Any) -> NDArray[np.bool_]:
     """Return a mask (n_walls,) of boundary particles from indices or a mask."""
-    n, given = _count(sim), np.asarray(walls)
+    n = _count(sim)
+    try:
+        given = np.asarray(walls)
+    except ValueError:
+        given = np.asarray(walls, dtype=object)
     if given.dtype == bool and given.shape == (n,):
         return given
     if given.dtype.kind not in "iu" or given.ndim != 1:

@@ -36,9 +36,11 @@ class Gauge:
     def __init__(self, quantity: str, at: Any, name: str | None = None) -> None:
         self.quantity, self.at = known("quantity", quantity, UNITS), at
         if quantity != "force":
-            self.at = finite_array("at", np.atleast_1d(np.asarray(at)), ("n",))
+            self.at = finite_array("at", at if np.iterable(at) else [at], ("n",))
             self._check_place()
-        label = at if isinstance(at, str) else " ".join(map("{:g}".format, np.ravel(self.at)))
+        label = at if isinstance(at, str) else "some particles"
+        if quantity != "force":
+            label = " ".join(map("{:g}".format, self.at))
         self.name = f"{quantity}:{label}" if name is None else name
         if not isinstance(self.name, str) or not self.name or "/" in self.name:
             raise ValueError(f"name: expected a text without '/', got {name!r}")

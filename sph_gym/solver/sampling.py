@@ -158,7 +158,7 @@ def level_at(sim: "Simulation", x: ArrayLike) -> Any:
     flies or overhangs above doesn't count. For gravity along -y. Raises ValueError for x that is
     not finite, or neither a number nor of shape (m,).
     """
-    single = np.ndim(x) == 0
+    single = not np.iterable(x)
     places = finite_array("x", [x] if single else x, ("m",))
     fluid, walls = positions(sim)
     levels = np.array([_level(sim, place, fluid, walls) for place in places])

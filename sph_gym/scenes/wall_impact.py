@@ -100,7 +100,8 @@ def landmarks(times: Any, values: Any) -> tuple[float, float, float]:
     within = (times > PLATEAU[0]) & (times < PLATEAU[1])
     plateau = float(np.trapezoid(values[within], times[within]) / np.ptp(times[within]))
     early = (times > FIRST[0]) & (times < FIRST[1])
-    arrival = float(times[np.argmax(values > plateau / 2)])
+    k = max(int(np.argmax(values > plateau / 2)), 1)
+    arrival = float(np.interp(plateau / 2, values[k - 1 : k + 1], times[k - 1 : k + 1]))
     return arrival, float(values[early].max()), plateau
 
 

@@ -102,6 +102,22 @@ class Target(NamedTuple):
     ny: Any
 
 
+@jitable
+def load_target(fluid, i):
+    """Return the group that begins with fluid particle i as a target of sums."""
+    x = load(fluid.x, i)
+    return Target(
+        x,
+        load(fluid.y, i),
+        load(fluid.u, i),
+        load(fluid.v, i),
+        load(fluid.rho, i),
+        load(fluid.stress, i),
+        load_or_zero(fluid.nx, i, x),
+        load_or_zero(fluid.ny, i, x),
+    )
+
+
 # --- Pairs ----------------------------------------------------------------------------------
 
 
@@ -186,22 +202,6 @@ def add_pairs(target, sources, lists, first, last, model, effects, sums):
         j = neighbor(lists, k)
         sums = add_pair(target, sources, j, model.kernel, model.constants, effects, sums)
     return sums
-
-
-@jitable
-def load_target(fluid, i):
-    """Return the group that begins with fluid particle i as a target of sums."""
-    x = load(fluid.x, i)
-    return Target(
-        x,
-        load(fluid.y, i),
-        load(fluid.u, i),
-        load(fluid.v, i),
-        load(fluid.rho, i),
-        load(fluid.stress, i),
-        load_or_zero(fluid.nx, i, x),
-        load_or_zero(fluid.ny, i, x),
-    )
 
 
 @jitable

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,19 @@ from sph_gym.view import Painter, Window, write_video
 VIDEO_WIDTH, VIDEO_FPS = 960, 30
 
 
+class Look(NamedTuple):
+    """What a picture shows; as for `Painter`."""
+
+    color: str = "speed"
+    arrows: bool = False
+
+
 class Readings:
     """The values of gauges over the time of a simulation, for the console and for a CSV file.
 
     path: of the CSV file, which appears when it is closed, also after an exception or Ctrl-C;
     every: longest time between two rows [s], by default a frame. Raises ValueError for gauges
-    that the scene can't have.
+    that the scene can't have, FileNotFoundError if there is no such directory.
     """
 
     def __init__(
@@ -38,6 +45,8 @@ class Readings:
     ) -> None:
         if (path is not None or every is not None) and not gauges:
             raise ValueError("gauges: expected at least one, for a table or a time between rows")
+        if path is not None and not Path(path).parent.is_dir():
+            raise FileNotFoundError(f"gauges: there is no directory {str(Path(path).parent)!r}")
         self._sim, self.gauges, self.path = sim, tuple(gauges), path
         self._every = math.inf if every is None else positive("every", every)
         self.columns = [name for gauge in self.gauges for name in gauge.columns]
@@ -97,21 +106,22 @@ def run(
     seconds: physical time [s], by default the scene's duration; n_logged: how many particles to
     log, spread evenly over the fluid; readings: of gauges, logged and recorded as well; window:
     watch it, until the window is closed; video: film it there; save: where a `Recorder` puts the
-    start and every frame; look: color and arrows, as for `Painter`. Raises ValueError for wrong
+    start and every frame; look: the parts of a `Look`. Raises ValueError for wrong
     values and unknown names.
     """
     until = sim.scene.duration if seconds is None else positive("seconds", seconds)
     readings = Readings(sim) if readings is None else readings
+    shown = Look(**look)._asdict()
     kept = nullcontext() if save is None else Recorder(save, sim, readings.gauges)
     with readings, kept as recorder:
         frames = _frames(sim, until, n_logged, readings, recorder)
         if video is not None:
-            painter = Painter(sim.scene, size=VIDEO_WIDTH, **look)
+            painter = Painter(sim.scene, size=VIDEO_WIDTH, **shown)
             pictures = (painter.paint(sim, title=sim.scene.name) for _ in frames)
             write_video(video, pictures, VIDEO_FPS)
             print(f"video: {video}")
         elif window:
-            _watch(sim, frames, Window(sim.scene, **look))
+            _watch(sim, frames, Window(sim.scene, **shown))
         else:
             for _ in frames:
                 pass

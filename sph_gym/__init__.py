@@ -4,6 +4,7 @@ from sph_gym import scenes
 from sph_gym.env import TuningEnv, register_all
 from sph_gym.provenance import VERSION
 from sph_gym.solver.batch import advance_all
+from sph_gym.solver.gauges import Gauge
 from sph_gym.solver.geometry import (
     channel_particles,
     disc,
@@ -32,6 +33,7 @@ __all__ = [
     "Controls",
     "Effects",
     "Fluid",
+    "Gauge",
     "Gravity",
     "Motion",
     "RecordedGravity",

@@ -58,7 +58,12 @@ def _add_run(commands: Any) -> None:
     add("--xsph", type=float, help="XSPH epsilon")
     add("--dtype", default="float64", help="float64 or float32")
     add("--neighbors", default="grid", help="grid, or brute: is the search to blame?")
-    add("--log", type=int, default=3, metavar="N", help="particles to log, 0: none")
+    add("--log", type=int, metavar="N", help="particles to log; by default 3, with gauges none")
+    text = "pressure:X,Y velocity:X,Y level:X force:WALLS, named NAME=...; X,Y may be X,Y,RADIUS "
+    text += "or X0,Y0,X1,Y1 for a mean; WALLS: particles, left, right, bottom, top, plate0, ..."
+    add("--gauge", action="append", default=[], metavar="GAUGE", help=text)
+    add("--gauges", metavar="PATH", help="write the values of the gauges there, as CSV")
+    add("--every", type=float, metavar="SECONDS", help="between two rows, by default a frame")
     add("--color", default="speed", help="speed, density, pressure or neighbors")
     add("--arrows", action="store_true", help="draw forces as arrows")
     show = run.add_mutually_exclusive_group()
@@ -68,7 +73,8 @@ def _add_run(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from sph_gym.run import run
+    from sph_gym.run import Readings, run
+    from sph_gym.solver.gauges import Gauge
     from sph_gym.solver.simulation import Simulation
 
     scene = _scene(options.scene, options.set)
@@ -77,7 +83,10 @@ def _run(options: argparse.Namespace) -> int:
     given = {name: value for name, value in changes.items() if value is not None}
     sim.controls = sim.controls._replace(**given)
     look = {name: getattr(options, name) for name in ("color", "arrows", "window", "video")}
-    return run(sim, options.seconds, options.log, save=options.save, **look)
+    gauges = [Gauge.parse(text) for text in options.gauge]
+    readings = Readings(sim, gauges, options.gauges, options.every)
+    n_logged = options.log if options.log is not None else 0 if gauges else 3
+    return run(sim, options.seconds, n_logged, readings, save=options.save, **look)
 
 
 def _scene(name: str, assignments: list[str]) -> scenes.Scene:

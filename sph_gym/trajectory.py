@@ -4,20 +4,22 @@
 
 - times (n_frames,) [s]; controls (n_frames, 3): dt [s], stiffness [Pa], xsph
 - fields/NAME (n_frames, n_particles[, 2]), fluid first, in the precision of the simulation
+- gauges/NAME (n_frames, 1 or 2) the values of each gauge
 - parameters: JSON text. Dataclasses are objects with their "class"; {"array": NAME} stands for
   the array NAME of the file; infinity is `Infinity`, as Python's json has it.
   `Scene.from_dict(read(PATH).parameters["scene"])` is the scene, to run it again.
 
 .pvd: ParaView's index of times; the frames are beside it in a folder of its name, one .vtu each,
 with vertex cells, vectors of three (z = 0) and everything but `kind` in float64. The folder's
-parameters.json is the text above, its scene.json one for `Scene.from_dict`. Only the index tells
-which frames belong to the run.
+parameters.json is the text above, its scene.json one for `Scene.from_dict`, its gauges.csv holds
+the values of gauges over time. Only the index tells which frames belong to the run.
 """
 
+import csv
 import json
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,6 +34,7 @@ from sph_gym.extras import needs_extra
 from sph_gym.files import atomic_write
 from sph_gym.provenance import VERSION
 from sph_gym.solver.checks import known
+from sph_gym.solver.gauges import Gauge
 from sph_gym.solver.plain import to_plain
 from sph_gym.solver.simulation import Simulation
 
@@ -51,13 +54,14 @@ Append = Callable[[Arrays], None]
 class Trajectory(NamedTuple):
     """A recording: arrays as at the top of this module, and the parameters with theirs in place.
 
-    `parameters["kind"]` (n_particles,) is 0 for fluid and 1 for walls.
+    `parameters["kind"]` (n_particles,) is 0 for fluid and 1 for walls. gauges: by name.
     """
 
     times: NDArray[np.float64]
     controls: NDArray[np.float64]
     fields: dict[str, NDArray[Any]]
     parameters: dict[str, Any]
+    gauges: dict[str, NDArray[np.float64]]
 
 
 class Recorder:
@@ -69,12 +73,20 @@ class Recorder:
     Ctrl-C. HDF5 can be read while it is written; if the process is killed, other programs than
     `read` may ask for `h5clear -s` first.
 
-    Raises ValueError for unknown suffixes, FileNotFoundError if there is no such directory,
-    FileExistsError if a file is where the folder of a .pvd should be, ImportError that names the
-    extra to install.
+    gauges: are read at every `record`; no two of one name.
+
+    Raises ValueError for unknown suffixes and equal names, FileNotFoundError if there is no such
+    directory, FileExistsError if a file is where the folder of a .pvd should be, ImportError that
+    names the extra to install.
     """
 
-    def __init__(self, path: str | os.PathLike[str], sim: Simulation) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], sim: Simulation, gauges: Sequence[Gauge] = ()
+    ) -> None:
+        self._gauges = {gauge.name: gauge for gauge in gauges}
+        if len(self._gauges) < len(gauges):
+            names = ", ".join(gauge.name for gauge in gauges)
+            raise ValueError(f"gauges: expected different names, got {names}")
         target, self._sim, self._closed = Path(path), sim, False
         suffix = known("suffix of path", target.suffix.lower(), _WRITERS)
         if not target.parent.is_dir():
@@ -92,6 +104,8 @@ class Recorder:
         if self._closed:
             raise ValueError("record: expected an open recorder, this one is closed")
         frame: Arrays = {f"fields/{name}": getattr(self._sim, name) for name in FIELDS}
+        for name, gauge in self._gauges.items():
+            frame[f"gauges/{name}"] = gauge.read(self._sim)
         frame["controls"] = np.array(self._sim.controls)
         frame["times"] = np.float64(self._sim.time)
         self._append(frame)
@@ -116,17 +130,23 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
     """
     path = Path(path)
     stored = _READERS[known("suffix of path", path.suffix.lower(), _READERS)](path)
-    prefix = "fields/"
     try:
         parameters = _parameters(stored)
         times, controls = stored["times"], stored["controls"]
     except KeyError as error:
         raise ValueError(f"path: expected a recording, {str(path)!r} has no {error}") from None
-    fields = {name[len(prefix) :]: stored[name] for name in stored if name.startswith(prefix)}
+    fields, gauges = _below("fields/", stored), _below("gauges/", stored)
     # an interrupted write may have come to some of the columns only
-    n_frames = min(map(len, (times, controls, *fields.values())))
-    fields = {name: column[:n_frames] for name, column in fields.items()}
-    return Trajectory(times[:n_frames], controls[:n_frames], fields, parameters)
+    n_frames = min(map(len, (times, controls, *fields.values(), *gauges.values())))
+    fields, gauges = (
+        {name: column[:n_frames] for name, column in part.items()} for part in (fields, gauges)
+    )
+    return Trajectory(times[:n_frames], controls[:n_frames], fields, parameters, gauges)
+
+
+def _below(prefix: str, stored: Arrays) -> Arrays:
+    """Return the arrays whose names begin with `prefix`, by the rest of their names."""
+    return {name[len(prefix) :]: stored[name] for name in stored if name.startswith(prefix)}
 
 
 # --- parameters -----------------------------------------------------------------------------
@@ -245,10 +265,25 @@ def _write_vtk(path: Path, constants: Arrays) -> Iterator[Append]:
         meshio.Mesh(points, [("vertex", vertices)], point_data=data).write(folder / name)
         place = quoteattr(f"{folder.name}/{name}")
         lines.append(f'<DataSet timestep="{float(frame["times"])!r}" file={place}/>\n')
+        _append_gauges(folder / "gauges.csv", frame, first=not lines[1:])
         with atomic_write(path) as draft:
             draft.write_text(INDEX.format("".join(lines)), encoding="utf-8")
 
     yield append
+
+
+def _append_gauges(path: Path, frame: Arrays, first: bool) -> None:
+    """Write a row with the values of the gauges, if there are any, into a new file if `first`."""
+    gauges = _below("gauges/", frame)
+    if not gauges:
+        return
+    with path.open("w" if first else "a", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        if first:
+            axes = {1: ("",), 2: (" x", " y")}
+            names = (name + axis for name, value in gauges.items() for axis in axes[len(value)])
+            writer.writerow(["time", *names])
+        writer.writerow([float(frame["times"]), *np.concatenate([*gauges.values()]).tolist()])
 
 
 def _points(frame: Arrays) -> tuple[Any, Arrays]:

@@ -1,3 +1,6 @@
+import csv
+
+import numpy as np
 import pytest
 
 from sph_gym import Simulation, studies
@@ -22,6 +25,25 @@ def test_every_assignment_counts_and_words_are_values(monkeypatch):
     assert main([*command, "--set", "dx=0.05"]) == 0
     assert made[0].dx == 0.05
     assert not droplet.is_square(made[0])
+
+
+def test_run_reads_gauges(tmp_path, capsys):
+    table = tmp_path / "gauges.csv"
+    gauges = ["--gauge", "P1=pressure:0.2,0.1", "--gauge", "velocity:0.2,0.1"]
+    command = ["run", "relaxation", "--set", "dx=0.08", "--seconds", "0.1", *gauges]
+    assert main([*command, "--gauges", str(table), "--every", "0.01"]) == 0
+    heading, *lines = capsys.readouterr().out.splitlines()
+    assert "P1 [Pa]  velocity:0.2 0.1 x [m/s]" in heading
+    assert "rho/rho0" not in heading
+    rows = list(csv.reader(table.read_text().splitlines()))
+    assert rows[0] == [
+        "time [s]", "P1 [Pa]", "velocity:0.2 0.1 x [m/s]", "velocity:0.2 0.1 y [m/s]",
+    ]  # fmt: skip
+    values = np.array(rows[1:], float)
+    assert len(values) >= 11
+    assert values[-1, 0] == pytest.approx(0.1)
+    assert np.diff(values[:, 0]).max() <= 0.01 + 1e-12
+    assert float(lines[-2].split()[-3]) == pytest.approx(values[-1, 1], rel=1e-3, abs=1e-3)
 
 
 def test_run_reports_a_blowup(capsys):
@@ -58,6 +80,11 @@ def test_a_video_is_written(tmp_path):
         ["run", "relaxation", "--seconds", "-1"],
         ["run", "relaxation", "--dt", "0"],
         ["run", "relaxation", "--dtype", "float16"],
+        ["run", "relaxation", "--gauge", "pressure"],
+        ["run", "relaxation", "--gauge", "force:right"],
+        ["run", "relaxation", "--gauges", "nowhere.csv"],
+        ["run", "relaxation", "--gauge", "level:0", "--gauges", "no/such/folder.csv"],
+        ["run", "relaxation", "--gauge", "level:0.1", "--every", "0"],
         ["run", "droplet", "--set", "shape=star"],
         ["run", "relaxation", "--set", "dx=small"],
         ["run", "relaxation", "--set", "dx=1e-60", "diameter=1e-59"],

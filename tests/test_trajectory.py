@@ -1,3 +1,4 @@
+import csv
 import json
 import shutil
 import sys
@@ -67,6 +68,34 @@ def test_what_is_read_is_what_was_there(tmp_path, suffix, dtype):
         assert column.dtype == dtype
         np.testing.assert_array_equal(column, [fields[name] for _, _, fields in seen])
     assert [file.name for file in tmp_path.iterdir()] == [f"run{suffix}"]
+
+
+@pytest.mark.parametrize("suffix", ALL)
+def test_gauges_are_kept(tmp_path, suffix):
+    need(suffix)
+    sim, path = simulation(), tmp_path / f"run{suffix}"
+    floor, level = sph_gym.Gauge("force", "bottom", "floor"), sph_gym.Gauge("level", 0.03)
+    seen = []
+    with Recorder(path, sim, (floor, level)) as recorder:
+        for _ in range(3):
+            sim.advance(0.002)
+            recorder.record()
+            seen.append([sim.time, *floor.read(sim), *level.read(sim)])
+    if suffix == ".pvd":
+        text = (path.with_suffix("") / "gauges.csv").read_text()
+        rows = list(csv.reader(text.splitlines()))
+        assert rows[0] == ["time", "floor x", "floor y", "level:0.03"]
+        assert np.array_equal(np.array(rows[1:], float), seen)
+    else:
+        run = read(path)
+        assert np.array_equal(run.gauges["floor"], np.array(seen)[:, 1:3])
+        assert np.array_equal(run.gauges["level:0.03"], np.array(seen)[:, 3:])
+
+
+def test_gauges_need_names_of_their_own(tmp_path):
+    gauge = sph_gym.Gauge("level", 0.03)
+    with pytest.raises(ValueError, match="gauges: expected different names"):
+        Recorder(tmp_path / "run.npz", simulation(), [gauge, gauge])
 
 
 def assert_stored(stored, value):

@@ -104,6 +104,14 @@ def bottom_pressure_error(sim: Simulation) -> float:
     return float(at_floor / hydrostatic(sim, np.zeros(1))[0] - 1)
 
 
+def gauge_errors(sim: Simulation) -> tuple[float, float]:
+    """Return the errors of `force_on` the floor [% of the weight] and `pressure_at` its middle."""
+    left, right, *_ = tanks.box(sim.scene)
+    force = -float(sim.force_on("bottom")[1]) / tanks.weight(sim)
+    p = float(sim.pressure_at([[(left + right) / 2, 0.0]])[0] / hydrostatic(sim, np.zeros(1))[0])
+    return 100 * abs(force - 1), 100 * abs(p - 1)
+
+
 def observe(sim: Simulation) -> dict[str, Any]:
     """Return the profile error [%] and the kinetic energy as a share of m g H."""
     at_stake = tanks.weight(sim) * depth_of(sim.scene)
@@ -121,10 +129,13 @@ def judge(run: Run) -> list[Measure]:
     growth = quarters[-1] / max(quarters[:-1], default=quarters[-1])
     bound = 1.0 if depth_of(scene) / scene.dx > 19.5 else None
     floor, share = 100 * abs(bottom_pressure_error(run.sim)), "% of rho0 g H"
+    force, gauge = gauge_errors(run.sim)
     return [
         Measure("pressure profile, largest error", errors[calm].max(), share, bound),
         Measure("pressure profile, mean error", errors[calm].mean(), share, bound),
         Measure("pressure at the floor", floor, share, bound),
+        Measure("pressure at the floor, by its gauge", gauge, share, bound),
+        Measure("force on the floor, by its gauge", force, "% of the weight", bound),
         Measure("kinetic energy", kinetic[calm].max(), "of m g H", 1e-5),
         # creeping comes in bursts; what grows does so by orders
         Measure("kinetic energy, last quarter against the others", growth, "", 2.0),

@@ -6,9 +6,9 @@ import numpy as np
 
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run, read
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.scenes.shared.sampling import interpolate
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
+from sph_gym.solver.sampling import interpolate
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.walls import Walls

@@ -86,19 +86,31 @@ def error(sim: Simulation) -> float:
 
 
 def observe(sim: Simulation) -> dict[str, Any]:
-    """Return the elevation at the left wall [m], and the energy excess as a share."""
-    return {"elevation": elevation(sim), "excess": sim.diagnostics()["energy_excess"]}
+    """Return elevation and level at the left wall [m], and the energy excess as a share.
+
+    The level is half the difference between both walls, which knows nothing of its mean.
+    """
+    left, right = sim.level_at([0.0, waves.basin(sim.scene)[0]])
+    return {
+        "elevation": elevation(sim),
+        "level": (left - right) / 2,
+        "excess": sim.diagnostics()["energy_excess"],
+    }
 
 
 def judge(run: Run) -> list[Measure]:
-    """Judge the frequency, the decay that no viscosity asks for, and the energy."""
+    """Judge the frequency, the decay that no viscosity asks for, the level, and the energy."""
     scene = run.sim.scene
     found, rate = waves.ring(run.times, run.series("elevation"))
     died = 1 - math.exp(-2 * math.pi * rate / omega(scene))
     fine = waves.basin(scene)[1] / scene.dx > 19.5
+    first = run.times < 2 * math.pi / omega(scene)
+    off = (run.series("level") - exact(scene, run.times))[first]
+    level = 100 * float(np.sqrt(np.mean(off**2)) / abs(exact(scene, 0.0)))
     return [
         Measure("frequency", 100 * abs(found / omega(scene) - 1), "%", 2.0 if fine else None),
         Measure("decay of the amplitude in a period", 100 * died, "%"),
+        Measure("level in the first period, RMS", level, "% of its start", 7.0 if fine else None),
         Measure("energy from nowhere", run.series("excess").max(), "of what is at stake", 1e-3),
     ]
 

@@ -88,6 +88,12 @@ class Sums(NamedTuple):
     oy: Any
 
 
+@jitable
+def no_sums(zero):
+    """Return sums over no neighbour."""
+    return Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
+
+
 class Rates(NamedTuple):
     """Rates of change of a group of particles.
 
@@ -113,6 +119,22 @@ class Target(NamedTuple):
     stress: Any
     nx: Any
     ny: Any
+
+
+@jitable
+def load_target(fluid, i):
+    """Return the group that begins with fluid particle i as a target of sums."""
+    x = load(fluid.x, i)
+    return Target(
+        x,
+        load(fluid.y, i),
+        load(fluid.u, i),
+        load(fluid.v, i),
+        load(fluid.rho, i),
+        load(fluid.stress, i),
+        load_or_zero(fluid.nx, i, x),
+        load_or_zero(fluid.ny, i, x),
+    )
 
 
 # --- Pairs ----------------------------------------------------------------------------------
@@ -218,7 +240,7 @@ def add_images(mirrors, target, sources, lists, part, model, effects, sums):
         sign_x, sign_y = like(zero, sign_x), like(zero, sign_y)
         nx, ny = sign_x * target.nx, sign_y * target.ny
         other = Target(image.x, image.y, u, v, target.rho, target.stress, nx, ny)
-        seen = Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
+        seen = no_sums(zero)
         for q in range(part[0], part[1]):
             if meets(image, sources, neighbor(lists, q)):
                 seen = add_pairs(other, sources, lists, q, q + 1, model, effects, seen)
@@ -240,7 +262,7 @@ def add_panes(panes, target, fluid, lists, part, model, sums):
             xx, xy, yy = like(zero, xx), like(zero, xy), like(zero, yy)
             u, v = xx * target.u + xy * target.v, xy * target.u + yy * target.v
             nx, ny = xx * target.nx + xy * target.ny, xy * target.nx + yy * target.ny
-            seen = Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
+            seen = no_sums(zero)
             for q in range(part[0], part[1]):
                 j = neighbor(lists, q)
                 acts, x, y = through_pane(
@@ -282,19 +304,9 @@ def add_wall_images(mirrors, walls, target, lists, part, model, sums):
 @jitable
 def pair_sums(i, fluid, walls, lists, model):
     """Return the sums of the group that begins with fluid particle i, over fluid and walls."""
-    x = load(fluid.x, i)
-    target = Target(
-        x,
-        load(fluid.y, i),
-        load(fluid.u, i),
-        load(fluid.v, i),
-        load(fluid.rho, i),
-        load(fluid.stress, i),
-        load_or_zero(fluid.nx, i, x),
-        load_or_zero(fluid.ny, i, x),
-    )
-    zero = like(x, 0.0)
-    sums = Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
+    target = load_target(fluid, i)
+    zero = like(target.x, 0.0)
+    sums = no_sums(zero)
     begin, end = fluid_range(lists, i)
     sums = add_pairs(target, fluid, lists, begin, end, model, model.effects, sums)
     begin, end = wall_range(lists, i)

@@ -1,7 +1,12 @@
 """The result of an `advance`, and its plan while it is under way."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
+
+from sph_gym.solver.checks import positive
+
+MAX_SUBSTEPS = 10**12
 
 
 class Report(NamedTuple):
@@ -41,3 +46,13 @@ class Underway:
     def time(self, steps: int) -> float:
         """Return the time [s] after so many substeps."""
         return self.began + steps * self.dt
+
+
+def count_substeps(seconds: float, dt: float) -> int:
+    """Return how many steps of at most dt [s] make `seconds` [s]; ValueError for too many."""
+    ratio = positive("seconds", seconds) / dt - 1e-9
+    if not ratio < MAX_SUBSTEPS:
+        raise ValueError(
+            f"seconds: {seconds:g} s in steps of {dt:g} s are more than {MAX_SUBSTEPS:g} substeps"
+        )
+    return max(math.ceil(ratio), 1)

@@ -7,14 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, failure, hydrostatics, stepping, teams
-from sph_gym.solver.checks import known, positive, whole
+from sph_gym.solver.checks import known, whole
+from sph_gym.solver.contact import force_on
 from sph_gym.solver.diagnostics import ALL, Request
 from sph_gym.solver.energy import GravityWork, make_ledger
 from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.model import particle_mass
 from sph_gym.solver.origin import moved, origin
-from sph_gym.solver.report import Report, Underway
+from sph_gym.solver.report import Report, Underway, count_substeps
+from sph_gym.solver.sampling import level_at, pressure_at, velocity_at
 from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls
@@ -27,7 +29,6 @@ NEIGHBORS = ("grid", "brute")
 CHUNK = 2_000_000
 # Particles for each thread by default: small fluids mostly come in numbers, side by side.
 DEFAULT_PER_THREAD = 2000
-MAX_SUBSTEPS = 10**12
 DEFAULT_XSPH = 0.3
 
 Array = NDArray[np.float64]
@@ -187,7 +188,7 @@ class Simulation:
 
     def begin(self, seconds: float) -> None:
         """Plan an `advance` in chunks of at most a frame: `next_chunk`, `finish_chunk`."""
-        n_substeps = self._count_substeps(seconds)
+        n_substeps = count_substeps(seconds, self._controls.dt)
         dt = seconds / n_substeps
         frame = max(math.ceil(self.scene.frame / dt), 1)
         longest = min(frame, max(CHUNK // self.n_particles, 1))
@@ -240,16 +241,6 @@ class Simulation:
         if self._underway is None:
             raise RuntimeError("no advance is under way")
         return self._underway
-
-    def _count_substeps(self, seconds: float) -> int:
-        positive("seconds", seconds)
-        ratio = seconds / self._controls.dt - 1e-9
-        if not ratio < MAX_SUBSTEPS:
-            raise ValueError(
-                f"seconds: {seconds:g} s in steps of {self._controls.dt:g} s are more than "
-                f"{MAX_SUBSTEPS:g} substeps"
-            )
-        return max(math.ceil(ratio), 1)
 
     def _audit(self, report: Report, began: float) -> Report:
         """Book the energy of a chunk; more of it than there can be is a blow-up."""
@@ -401,6 +392,10 @@ class Simulation:
         counts = np.zeros(self.n_fluid, np.int32)
         counts[self.engine.fluid.id] = self.engine.nearest_and_count()[1]
         return counts
+
+    # measured at points, in columns of water and on walls, as documented there
+    pressure_at, velocity_at, level_at = pressure_at, velocity_at, level_at
+    force_on = force_on
 
     def diagnostics(self) -> dict[str, float]:
         """The state in numbers. All are floats:

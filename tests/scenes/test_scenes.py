@@ -82,15 +82,15 @@ def test_wrong_values_are_named(name, arguments):
 
 
 def test_a_module_is_a_scene_without_being_listed(tmp_path, monkeypatch):
-    text = "def puddle(dx: float = 0.1):\n    return dx\n"
-    (tmp_path / "puddle.py").write_text(text)
+    text = "def wet_puddle(dx: float = 0.1):\n    return dx\n"
+    (tmp_path / "wet_puddle.py").write_text(text)
     monkeypatch.setattr(scenes, "__path__", [*scenes.__path__, str(tmp_path)])
     before = scenes.names()
     scenes._found.cache_clear()
     try:
-        assert scenes.names() == [*before, "puddle"]
-        assert scenes.make("puddle", dx=0.2) == 0.2
-        assert scenes.family("puddle") is scenes.reference("puddle") is None
+        assert scenes.names() == [*before, "wet_puddle"]
+        assert scenes.make("wet_puddle", dx=0.2) == 0.2
+        assert scenes.family("wet_puddle") is scenes.reference("wet_puddle") is None
     finally:
         monkeypatch.undo()
         scenes._found.cache_clear()

@@ -233,9 +233,11 @@ def _of_images(sim: "Simulation", side: int) -> Array:
     """
     engine, axis = sim.engine, side // 2
     whole, total = engine.model, np.zeros(2)
-    open_side = {Box._fields[side]: np.array(OUTWARD[side, axis] * np.inf, engine.dtype)[()]}
+    assert whole.mirrors is not None
+    sides = list(whole.mirrors)
+    sides[side] = engine.dtype(OUTWARD[side, axis] * np.inf)
     try:
-        for mirrors, sign in ((whole.mirrors._replace(**open_side), 1.0), (whole.mirrors, -1.0)):
+        for mirrors, sign in ((Box(*sides), 1.0), (whole.mirrors, -1.0)):
             engine.model = whole._replace(mirrors=mirrors)
             # the last ones stay, as those of the present state
             total[axis] += sign * engine.accelerations(sim.time)[axis].sum(dtype=np.float64)

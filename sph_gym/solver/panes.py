@@ -74,7 +74,8 @@ def _bounds(pane: Pane, scene: Scene) -> bool:
 def _is_closed(pane: Pane, others: list[Pane], scene: Scene) -> bool:
     """Return whether both ends of a plate are out of the way of the fluid."""
     x = np.asarray(scene.x)
-    gravity = scene.effects.gravity_at(np.inf)
+    field = scene.effects.field
+    gravity = np.zeros(2) if field is None else field.lasting()
     level = (x @ -gravity).max() + scene.h * np.hypot(*gravity)
     _, along = pane.place(x)
     for end, sign in ((0.0, -1.0), (pane.length, 1.0)):

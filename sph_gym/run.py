@@ -47,7 +47,7 @@ class Readings:
         if (path is not None or every is not None) and not gauges:
             raise ValueError("gauges: expected at least one, for a table or a time between rows")
         if path is not None and not Path(path).parent.is_dir():
-            raise FileNotFoundError(f"gauges: there is no directory {str(Path(path).parent)!r}")
+            raise FileNotFoundError(f"gauges: expected a file in a folder, got {str(path)!r}")
         self._sim, self.gauges, self.path = sim, tuple(gauges), path
         self._every = math.inf if every is None else positive("every", every)
         self.columns = [name for gauge in self.gauges for name in gauge.columns]

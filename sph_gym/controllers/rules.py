@@ -3,10 +3,22 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from sph_gym.solver.integrators import VISCOUS_SHARES
+from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
 
 Controller = Callable[[Simulation], Controls]
+
+# Step that an artificial viscosity nu allows, as a share of h^2 / nu: 5 / 3 over the integral of
+# h^2 times the Laplacian weight of the kernel, for the article's that of Mueller et al. 2003.
+DAMPING_SHARES = {
+    "mueller": 0.125,
+    "spiky": 0.125,
+    "wendland_c2": 0.0595,
+    "cubic_spline": 0.0729,
+    "quintic_spline": 0.0479,
+}
 
 
 def nominal(sim: Simulation) -> Controls:
@@ -61,10 +73,16 @@ class TunedCfl:
         nu = scene.effects.laminar_viscosity or 0.0
         alpha = scene.effects.artificial_viscosity or 0.0
         # the continuum's nu is alpha c0 h / 8, but the shortest waves feel twice as much
-        nu += alpha * scene.fluid.c0 * h / 4
-        dt = 1 / (c / (self.courant * h) + nu / (scene.viscous_share * h * h))
-        dt = min(dt, scene.surface_dt)
+        damping = alpha * scene.fluid.c0 / (4 * h * damping_share(scene))
+        friction = nu / (scene.viscous_share * h * h) + damping
+        dt = min(1 / (c / (self.courant * h) + friction), scene.surface_dt)
         return Controls(dt, scene.fluid.stiffness(c), sim.nominal_controls.xsph)
+
+
+def damping_share(scene: Scene) -> float:
+    """Return the step that an artificial viscosity nu allows, as a share of h^2 / nu."""
+    share = DAMPING_SHARES.get(scene.fluid.kernel, DAMPING_SHARES["mueller"])
+    return VISCOUS_SHARES.get(scene.integrator, 1.0) * share
 
 
 def from_numbers(sim: Simulation, courant: float, c: float, xsph: float) -> Controls:

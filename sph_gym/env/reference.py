@@ -182,7 +182,8 @@ def _run(scene: Scene, sound: float, most_excess: float = math.inf) -> Observabl
     for courant in (COURANT, COURANT / 2):
         sim = Simulation(scene)
         xsph = sim.nominal_controls.xsph
-        sim.controls = from_numbers(sim, courant, sound * scene.fluid.c0, xsph)
+        fine = from_numbers(sim, courant, sound * scene.fluid.c0, xsph)
+        sim.controls = fine._replace(dt=min(fine.dt, scene.surface_dt))
         rows = [_measure(sim)]
         for _ in range(n_frames(scene)):
             report = sim.advance(scene.frame)

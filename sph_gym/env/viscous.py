@@ -31,6 +31,7 @@ def check(name: str, scene: Scene) -> None:
     c, courant = actions.SOUND[1] * scene.fluid.c0, TunedCfl().courant
     shortest = actions.COURANT[0] * h / c
     limit = 1 / (c / (courant * h) + nu / (scene.viscous_share * h * h))
+    limit = min(limit, scene.surface_dt)
     if limit < shortest:
         raise ValueError(
             f"{name}: expected a fluid that takes steps within the action space, but with "

@@ -213,9 +213,9 @@ class SurfaceTension(NamedTuple):
     typical=lambda scene: 1e-4 * scene.fluid.rho0 * scene.fluid.c0**2 * scene.h, at_walls="never"
 )
 def surface_tension(sigma, given):
-    """sigma [N/m]: a stress along the surface, calibrated on the lattice, with its own friction.
+    """sigma [N/m]: a stress along the surface; boundary particles are not wetted.
 
-    Source: Lafaurie et al. 1994; for particles Hu & Adams 2006. Friction: see surface.py.
+    Source: Lafaurie et al. 1994; for particles Hu & Adams 2006.
     """
     kernel, h, volume = given.kernel, given.h, given.mass / given.rho0
     stress = calibrated_stress(sigma, kernel, volume, given.dx)

@@ -21,7 +21,7 @@ from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls
 from sph_gym.solver.warnings import Warning
-from sph_gym.solver.watch import FAST, LEVEL_AFTER, LOOK_EVERY, ODD_ENERGY, Watch
+from sph_gym.solver.watch import CALM, FAST, LEVEL_AFTER, LOOK_EVERY, ODD_ENERGY, Watch
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
@@ -63,7 +63,8 @@ class Simulation:
         self._float = DTYPES[self.dtype]
         self.mass = particle_mass(scene)
         self.time = 0.0
-        self._controls = self._initial_controls()
+        stiffness = scene.fluid.stiffness(scene.fluid.c0)
+        self._controls = scene.controls or Controls(1.0, stiffness, DEFAULT_XSPH)
         brute = self.neighbors == "brute"
         # where the engine's scene counts positions from
         self._origin = origin(scene, self._float)
@@ -103,10 +104,6 @@ class Simulation:
         n_fluid = len(np.asarray(self.scene.x))
         return max(min(teams.most_threads(), n_fluid // DEFAULT_PER_THREAD), 1)
 
-    def _initial_controls(self) -> Controls:
-        fluid = self.scene.fluid
-        return self.scene.controls or Controls(1.0, fluid.stiffness(fluid.c0), DEFAULT_XSPH)
-
     # --- controls ---------------------------------------------------------------------------
 
     @property
@@ -140,7 +137,7 @@ class Simulation:
 
     @property
     def energy_at_stake(self) -> float:
-        """The energy that the tripwire measures it by [J/m]; see `energy.Ledger`."""
+        """The energy that the surplus is measured by [J/m]; see `energy.Ledger`."""
         return self._ledger.stake
 
     @property
@@ -190,8 +187,8 @@ class Simulation:
         """Plan an `advance` in chunks of at most a frame: `next_chunk`, `finish_chunk`."""
         n_substeps = count_substeps(seconds, self._controls.dt)
         dt = seconds / n_substeps
-        frame = max(math.ceil(self.scene.frame / dt), 1)
-        longest = min(frame, max(CHUNK // self.n_particles, 1))
+        longest = max(CHUNK // self.n_particles, 1)
+        longest = max(math.ceil(min(self.scene.frame / dt, longest)), 1)
         self._underway = Underway(seconds, n_substeps, dt, self.time, longest)
         self.last_report = Report(0, dt)
 
@@ -222,7 +219,7 @@ class Simulation:
             self._watch.look_at_speeds(self.engine, self.sound_speed, self.time)
         before = self._substeps - steps
         if self._substeps // LOOK_EVERY > before // LOOK_EVERY:
-            self._watch.look_at_neighbors(self.engine, self.time)
+            self._look_at_neighbors()
             if self._substeps * self.n_fluid > LEVEL_AFTER:
                 self._look_at_level()
         if self.last_report.diverged:
@@ -269,9 +266,14 @@ class Simulation:
         Energy, speed and walls are looked at after each frame, neighbours and levels now and then;
         reading this looks at the present state as well. It belongs to a snapshot.
         """
-        self._watch.look_at_neighbors(self.engine, self.time)
+        self._look_at_neighbors()
         self._look_at_level()
         return self._watch.warnings()
+
+    def _look_at_neighbors(self) -> None:
+        held_down = self._gravity.uniform is not None
+        calm = held_down and self._totals.kinetic < CALM * self.energy_at_stake
+        self._watch.look_at_neighbors(self.engine, calm, self.time)
 
     def _look_at_level(self) -> None:
         self._watch.look_at_level(self.engine, self._totals, self._shift, self.time)
@@ -306,7 +308,6 @@ class Simulation:
 
     def evaluate(self) -> None:
         """Bring rho, p and a up to date with the present positions, without a time step."""
-        # densities always are: every change of positions or stiffness renews them
         if self._acceleration is None:
             self._acceleration = self.engine.accelerations(self.time)
 

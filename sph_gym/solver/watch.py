@@ -21,6 +21,8 @@ QUIET = 2e-3
 REST, THIN = 5e-3, 0.93
 # Share of dx by which a level is uncertain.
 LEVEL = 0.25
+# Under uniform gravity, a fluid with less kinetic energy than this share of the stake is calm.
+CALM = 0.02
 # Substeps between two looks at neighbours, and particle-steps before the first look at the level:
 # each look takes less than 1/500 of that time.
 LOOK_EVERY, LEVEL_AFTER = 500, 5_000_000
@@ -56,6 +58,12 @@ ODDITIES = {
         0.6,
         "{0:.0%} of the particles are closer than 0.6 dx to another one, which makes densities "
         "wrong; a matched kernel (wendland_c2), clamp=True or tensile_correction keep them apart",
+    ),
+    "clumping at rest": Oddity(
+        "clumping",
+        0.2,
+        "{0:.0%} of the particles of a calm fluid are closer than 0.6 dx to another one, which "
+        "makes single pressures wrong; a matched kernel (wendland_c2) at h = 2.6 to 3 dx keeps them apart",
     ),
     "loss": Oddity(
         "volume",
@@ -162,12 +170,14 @@ class Watch:
         """Enter fluid particles that are within walls or passed them."""
         self._note("walls", number + self._found.get("walls", (0.0, 0.0))[0], time)
 
-    def look_at_neighbors(self, engine: Engine, time: float) -> None:
-        """Look at the share of clumped particles."""
+    def look_at_neighbors(self, engine: Engine, calm: bool, time: float) -> None:
+        """Look at the share of clumped particles; calm: the fluid doesn't splash."""
         fluid, lists = engine.fluid, engine.world.cells.lists
         share = count_near(fluid.x, fluid.y, lists, engine.n, self._look) / engine.n
         if share > ODDITIES["clumping"].limit:
             self._note("clumping", share, time)
+        elif calm and share > ODDITIES["clumping at rest"].limit:
+            self._note("clumping at rest", share, time)
 
     def look_at_level(self, engine: Engine, totals: Totals, shift: Any, time: float) -> None:
         """Compare the height of the centre of mass with the lowest that there can be.

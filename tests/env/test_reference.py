@@ -222,7 +222,7 @@ def test_a_fluid_that_takes_no_step_of_the_action_space_is_refused_at_the_door(d
 
 
 def test_the_finest_spacing_that_is_let_in_has_a_reference():
-    scene = cut(scenes.make("relaxation", dx=0.0068), 4)
+    scene = cut(scenes.make("relaxation", dx=0.0143), 4)
     sph_gym.TuningEnv(scene)
     assert module._cfl_substeps(scene) > 0
     assert np.isfinite(module._run(scene, 1.0).kinetic).all()

@@ -17,6 +17,7 @@ from sph_gym.solver.neighbors import (
 from sph_gym.solver.state import allocate_particles, empty_like
 from sph_gym.solver.teams import make_team
 from tests.cases import (
+    CONFIGURATIONS,
     DX,
     DYNAMIC_PRESSURE,
     STIFFNESS,
@@ -38,8 +39,11 @@ coincident = st.builds(lambda place, n: [place] * n, near, st.integers(1, 20))
 
 
 def in_both_ways(configuration, x, h=H):
-    """The same moving cloud with the grid and by brute force."""
-    x = np.array(x)
+    """The same moving cloud with the grid and by brute force; in a tank, within its walls."""
+    x, walls = np.array(x), CONFIGURATIONS[configuration].get("walls")
+    if walls is not None:
+        left, right, floor, ceiling = walls.box
+        x = np.clip(x, [left, floor], [right, ceiling])
     v = np.random.default_rng(len(x)).normal(size=x.shape)
     controls = Controls(1e-6, STIFFNESS, 0.4)
     return [

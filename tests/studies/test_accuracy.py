@@ -58,10 +58,10 @@ def test_every_refinement_series_fits_its_scene(name):
     assert case.build(case.sizes[0]).dx == pytest.approx(case.metres() / case.sizes[0], rel=0.1)
 
 
-def test_every_scene_with_a_reference_is_measured_but_those_at_rest_and_a_fall():
+def test_every_scene_with_a_reference_is_measured_but_those_at_rest_and_impacts():
     with_reference = {name for name in scenes.names() if scenes.reference(name) is not None}
     assert with_reference - set(accuracy.names()) == {
-        "perturbed_lattice", "relaxation", "drop_impact",
+        "perturbed_lattice", "relaxation", "drop_impact", "wall_impact",
     }  # fmt: skip
 
 

@@ -63,7 +63,8 @@ ODDITIES = {
         "clumping",
         0.2,
         "{0:.0%} of the particles of a calm fluid are closer than 0.6 dx to another one, which "
-        "makes single pressures wrong; a matched kernel (wendland_c2) at h = 2.6 to 3 dx keeps them apart",
+        "makes single pressures wrong; a matched kernel (wendland_c2) at h = 2.6 to 3 dx keeps them "
+        "apart",
     ),
     "loss": Oddity(
         "volume",

@@ -21,7 +21,7 @@ from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls
 from sph_gym.solver.warnings import Warning
-from sph_gym.solver.watch import CALM, FAST, LEVEL_AFTER, LOOK_EVERY, ODD_ENERGY, Watch
+from sph_gym.solver.watch import FAST, LEVEL_AFTER, LOOK_EVERY, ODD_ENERGY, Watch
 
 DTYPES: dict[str, Any] = {"float64": np.float64, "float32": np.float32}
 NEIGHBORS = ("grid", "brute")
@@ -219,7 +219,7 @@ class Simulation:
             self._watch.look_at_speeds(self.engine, self.sound_speed, self.time)
         before = self._substeps - steps
         if self._substeps // LOOK_EVERY > before // LOOK_EVERY:
-            self._look_at_neighbors()
+            self._watch.look_at_neighbors(self.engine, self.time)
             if self._substeps * self.n_fluid > LEVEL_AFTER:
                 self._look_at_level()
         if self.last_report.diverged:
@@ -266,14 +266,9 @@ class Simulation:
         Energy, speed and walls are looked at after each frame, neighbours and levels now and then;
         reading this looks at the present state as well. It belongs to a snapshot.
         """
-        self._look_at_neighbors()
+        self._watch.look_at_neighbors(self.engine, self.time)
         self._look_at_level()
         return self._watch.warnings()
-
-    def _look_at_neighbors(self) -> None:
-        held_down = self._gravity.uniform is not None
-        calm = held_down and self._totals.kinetic < CALM * self.energy_at_stake
-        self._watch.look_at_neighbors(self.engine, calm, self.time)
 
     def _look_at_level(self) -> None:
         self._watch.look_at_level(self.engine, self._totals, self._shift, self.time)

@@ -10,6 +10,7 @@ from sph_gym.solver.diagnostics import CLUMPED, Totals
 from sph_gym.solver.door import oddities
 from sph_gym.solver.engine import Engine
 from sph_gym.solver.jit import jit
+from sph_gym.solver.kernels import MATCHED
 from sph_gym.solver.neighbors import fluid_range, group_size, neighbor
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.warnings import KINDS, Warning
@@ -21,8 +22,12 @@ QUIET = 2e-3
 REST, THIN = 5e-3, 0.93
 # Share of dx by which a level is uncertain.
 LEVEL = 0.25
-# Under uniform gravity, a fluid with less kinetic energy than this share of the stake is calm.
-CALM = 0.02
+# Density kernel and pressure gradient that aren't matched are unstable from this h / dx on.
+UNSTABLE = 2.2
+HEATED = (
+    "kernel {0!r} is no matched pair, which heats a tank at rest: particles tremble and clump, and "
+    "single pressures are off by a third; the default, wendland_c2, keeps it still"
+)
 # Substeps between two looks at neighbours, and particle-steps before the first look at the level:
 # each look takes less than 1/500 of that time.
 LOOK_EVERY, LEVEL_AFTER = 500, 5_000_000
@@ -58,13 +63,6 @@ ODDITIES = {
         0.6,
         "{0:.0%} of the particles are closer than 0.6 dx to another one, which makes densities "
         "wrong; a matched kernel (wendland_c2), clamp=True or tensile_correction keep them apart",
-    ),
-    "clumping at rest": Oddity(
-        "clumping",
-        0.2,
-        "{0:.0%} of the particles of a calm fluid are closer than 0.6 dx to another one, which "
-        "makes single pressures wrong; a matched kernel (wendland_c2) at h = 2.6 to 3 dx keeps them "
-        "apart",
     ),
     "loss": Oddity(
         "volume",
@@ -145,9 +143,20 @@ class Watch:
         return tuple(worst[kind] for kind in KINDS if worst.get(kind) is not None)
 
     def _at_the_door(self) -> Warning | None:
-        odd = oddities(self._scene, self._ratio)
+        odd = [*oddities(self._scene, self._ratio), *self._tank_at_rest()]
         text = "; ".join(sentence for *_, sentence in odd)
         return Warning("start", *odd[0][:2], 0.0, text) if odd else None
+
+    def _tank_at_rest(self) -> list[tuple[float, float, str]]:
+        """Return what is odd about kernels that heat a fluid which lies still from the start."""
+        scene = self._scene
+        x, width = np.asarray(scene.x), scene.h / scene.dx
+        if scene.fluid.kernel in MATCHED or width < UNSTABLE or np.any(scene.v):
+            return []
+        container = lowest_fill(scene)
+        if container is None or x[:, 1].mean() > container[0] + LEVEL * scene.dx:
+            return []
+        return [(width, UNSTABLE, HEATED.format(scene.fluid.kernel))]
 
     def _note(self, name: str, value: float, time: float) -> None:
         worst, since = self._found.get(name, (value, time))
@@ -171,14 +180,12 @@ class Watch:
         """Enter fluid particles that are within walls or passed them."""
         self._note("walls", number + self._found.get("walls", (0.0, 0.0))[0], time)
 
-    def look_at_neighbors(self, engine: Engine, calm: bool, time: float) -> None:
-        """Look at the share of clumped particles; calm: the fluid doesn't splash."""
+    def look_at_neighbors(self, engine: Engine, time: float) -> None:
+        """Look at the share of clumped particles."""
         fluid, lists = engine.fluid, engine.world.cells.lists
         share = count_near(fluid.x, fluid.y, lists, engine.n, self._look) / engine.n
         if share > ODDITIES["clumping"].limit:
             self._note("clumping", share, time)
-        elif calm and share > ODDITIES["clumping at rest"].limit:
-            self._note("clumping at rest", share, time)
 
     def look_at_level(self, engine: Engine, totals: Totals, shift: Any, time: float) -> None:
         """Compare the height of the centre of mass with the lowest that there can be.

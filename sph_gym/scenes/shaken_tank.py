@@ -30,6 +30,7 @@ def shaken_tank(
     length, fill: of the tank, and depth of the water [m], rounded to multiples of dx; strength:
     amplitude of the shaking, in gravities; shakes, rest: how long, in periods, it is shaken and
     the scene goes on; gravity: downwards [m/s^2]. Seen from the tank: its walls stand still.
+    It warns at the start: the article's kernels heat water at rest, a little (`sim.warnings`).
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
     length, fill = in_range("length", length, 6 * dx), in_range("fill", fill, dx)

@@ -122,7 +122,7 @@ def judge(run: Run) -> list[Measure]:
         Measure("plateau at the lower end of the sensor", off(2, low), "%", 20.0 if fine else None),
         Measure("plateau on the sensor", off(2, face), "%", 35.0 if fine else None),
         Measure("first peak at the lower end", off(1, low), "%", 20.0 if fine else None),
-        Measure("arrival of the wave there", off(0, low), "%", 8.0 if fine else None),
+        Measure("arrival of the wave there", off(0, low), "%", 10.0 if fine else None),
         *tanks.judge(run),
     ]
 

@@ -359,10 +359,10 @@ def test_without_the_library_the_extra_is_named(tmp_path, suffix, library, monke
 
 def test_the_command_line_saves_the_start_and_every_frame(tmp_path, capsys):
     path = tmp_path / "run.npz"
-    command = ["run", "relaxation", "--set", "dx=0.1", "--seconds", "0.1", "--save", str(path)]
+    command = ["run", "patch_impact", "--set", "dx=0.1", "--seconds", "0.1", "--save", str(path)]
     assert main([*command, "--dtype", "float32", "--dt", "0.001"]) == 0
     assert f"trajectory: {path}" in capsys.readouterr().out
-    run, scene = read(path), scenes.make("relaxation", dx=0.1)
+    run, scene = read(path), scenes.make("patch_impact", dx=0.1)
     assert run.times[0] == 0.0
     assert run.times[-1] == pytest.approx(0.1)
     assert np.diff(run.times[:-1]) == pytest.approx(scene.frame)

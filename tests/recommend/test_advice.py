@@ -87,7 +87,7 @@ def test_more_than_everything_is_asked_back(table):
 def scattered(*changes):
     """Samples of the drop whose own errors hardly depend on dx, and a lucky line."""
     own = [replace(s, error=e) for s, e in zip(samples(), (0.039, 0.035, 0.036), strict=True)]
-    lucky = [replace(s, error=0.03) for s in samples(0.5, kernel="mueller")]
+    lucky = [replace(s, error=0.03) for s in samples(0.5, width=3.0)]
     return [*own, *lucky]
 
 

@@ -27,7 +27,7 @@ from sph_gym.solver.door import oddities
 from sph_gym.solver.thickness import close_pairs, layer_share, measure, needed_layers
 from sph_gym.solver.warnings import KINDS
 from sph_gym.solver.watch import ODDITIES, Watch
-from tests.cases import BOX, DX, STILL, TANK, WIDTH, scene, simulation
+from tests.cases import BOX, DX, STILL, TANK, UNCOMPILED, WIDTH, scene, simulation
 
 WATER = Fluid(c0=10.0)
 
@@ -225,7 +225,7 @@ def squeezed(layers, x=(0.0, 0.08), v=(0.0, -1.0), **more):
 
 
 @pytest.mark.parametrize("layers", [1, 2])
-@pytest.mark.parametrize("period", [None, (-0.5, 0.5)])
+@pytest.mark.parametrize("period", [None, pytest.param((-0.5, 0.5), marks=UNCOMPILED)])
 def test_a_particle_that_passes_a_thin_wall_is_reported_before_it_is_through(layers, period):
     # its momentum is that of a column of others above it
     sim = squeezed(layers, v=(0.0, -6.0), period_x=period)

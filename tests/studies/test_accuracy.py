@@ -1,6 +1,7 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -8,6 +9,7 @@ import pytest
 
 from sph_gym import Simulation, scenes
 from sph_gym.__main__ import main
+from sph_gym.recommend import settings
 from sph_gym.recommend.runs import execute
 from sph_gym.recommend.settings import build, nominal
 from sph_gym.scenes.shared.refinement import RMS, refinement
@@ -65,7 +67,14 @@ def test_every_scene_with_a_reference_is_measured_but_those_at_rest_and_impacts(
     }  # fmt: skip
 
 
-def test_a_setting_is_what_the_scene_then_has():
+def test_a_setting_is_what_the_scene_then_has(monkeypatch):
+    # a start that needs no version of the solver: the step has a test of its own
+    begun = []
+    monkeypatch.setattr(
+        settings,
+        "Simulation",
+        lambda *arguments, **_: begun.append(arguments) or SimpleNamespace(stable_dt=lambda: 0.02),
+    )
     setting = drop(
         width=3.0, step=0.5, sound=0.5, kernel="cubic_spline", density="continuity",
         integrator="symplectic_euler", xsph=0.2,
@@ -78,6 +87,18 @@ def test_a_setting_is_what_the_scene_then_has():
     assert scene.integrator == "symplectic_euler"
     assert scene.controls.stiffness == pytest.approx(plain.fluid.stiffness(plain.fluid.c0) / 4)
     assert scene.controls.xsph == 0.2
+    assert scene.controls.dt == 0.5 * 0.02
+    [(start, dtype)] = begun
+    assert replace(start, controls=scene.controls).to_dict() == scene.to_dict()
+    assert start.controls == scene.controls._replace(dt=1.0)
+    assert dtype == "float64"
+
+
+def test_the_step_of_a_setting_is_a_share_of_the_stable_one():
+    changes = {"kernel": "mueller", "integrator": "symplectic_euler"}
+    scene = build(DROP, drop(width=3.0, step=0.5, sound=0.5, **changes))
+    assert (scene.fluid.kernel, scene.integrator) == ("mueller", "symplectic_euler")
+    assert scene.controls.stiffness == pytest.approx(scene.fluid.stiffness(scene.fluid.c0) / 4)
     still = Simulation(replace(scene, controls=scene.controls._replace(dt=1.0)), threads=1)
     assert scene.controls.dt == pytest.approx(0.5 * still.stable_dt())
 

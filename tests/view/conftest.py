@@ -33,7 +33,7 @@ def user_scene(x=((0.0, 0.0), (0.1, 0.0), (0.0, 0.1)), box=None, dx=0.1):
         x=np.array(x),
         dx=dx,
         h=2.6 * dx,
-        fluid=Fluid(c0=10.0),
+        fluid=Fluid(c0=10.0, kernel="mueller"),
         effects=Effects(laminar_viscosity=0.1),
         walls=None if box is None else Walls(box=box),
     )

@@ -22,8 +22,8 @@ from sph_gym.view import Painter, Window, write_video
 VIDEO_WIDTH, VIDEO_FPS = 960, 30
 
 
-class Look(NamedTuple):
-    """What a picture shows; as for `Painter`."""
+class PictureStyle(NamedTuple):
+    """The colour and arrows of a picture; as for `Painter`."""
 
     color: str = "speed"
     arrows: bool = False
@@ -100,19 +100,19 @@ def run(
     window: bool = False,
     video: str | None = None,
     save: str | None = None,
-    **look: Any,
+    **style: Any,
 ) -> int:
     """Run a simulation and show it; return 1 if it blew up, else 0.
 
     seconds: physical time [s], by default the scene's duration; n_logged: how many particles to
     log, spread evenly over the fluid; readings: of gauges, logged and recorded as well; window:
     watch it, until the window is closed; video: film it there; save: where a `Recorder` puts the
-    start and every frame; look: the parts of a `Look`. Warnings of the simulation are printed as
+    start and every frame; style: the parts of a `PictureStyle`. Warnings of the simulation are printed as
     they appear, and at the end in one line. Raises ValueError for wrong values and unknown names.
     """
     until = sim.scene.duration if seconds is None else positive("seconds", seconds)
     readings = Readings(sim) if readings is None else readings
-    shown = Look(**look)._asdict()
+    shown = PictureStyle(**style)._asdict()
     kept = nullcontext() if save is None else Recorder(save, sim, readings.gauges)
     with readings, kept as recorder:
         frames = _frames(sim, until, n_logged, readings, recorder)

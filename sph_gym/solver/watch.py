@@ -93,8 +93,8 @@ ODDITIES = {
 DRIVEN = 0.5
 
 
-class Look(NamedTuple):
-    """The numbers for a look at the neighbours.
+class ClumpSearch(NamedTuple):
+    """The numbers for a search of clumped particles.
 
     near2: squared distance below which two particles are clumped [m^2]; width_x, width_y: of a
     periodic domain, else infinite [m].
@@ -123,7 +123,7 @@ class Watch:
         )
         periods = (None, None) if walls is None else (walls.period_x, walls.period_y)
         widths = (math.inf if ends is None else ends[1] - ends[0] for ends in periods)
-        self._look = Look((CLUMPED * scene.dx) ** 2, *widths)
+        self._search = ClumpSearch((CLUMPED * scene.dx) ** 2, *widths)
         self._container: Any = ()
         self._start: Any = ()
         # measure at its worst, and the time [s] of the first
@@ -183,7 +183,7 @@ class Watch:
     def look_at_neighbors(self, engine: Engine, time: float) -> None:
         """Look at the share of clumped particles."""
         fluid, lists = engine.fluid, engine.world.cells.lists
-        share = count_near(fluid.x, fluid.y, lists, engine.n, self._look) / engine.n
+        share = count_near(fluid.x, fluid.y, lists, engine.n, self._search) / engine.n
         if share > ODDITIES["clumping"].limit:
             self._note("clumping", share, time)
 
@@ -228,8 +228,8 @@ class Watch:
 
 
 @jit
-def count_near(x, y, lists, n, look):
-    """Return how many of n fluid particles have another one nearer than the look asks for."""
+def count_near(x, y, lists, n, search):
+    """Return how many of n fluid particles have another one nearer than the search asks for."""
     number, i = 0, 0
     while i < n:
         size = group_size(lists, i)
@@ -238,8 +238,8 @@ def count_near(x, y, lists, n, look):
             for k in range(begin, end):
                 j = neighbor(lists, k)
                 dx, dy = abs(float(x[own]) - float(x[j])), abs(float(y[own]) - float(y[j]))
-                dx, dy = min(dx, look.width_x - dx), min(dy, look.width_y - dy)
-                if dx * dx + dy * dy < look.near2 and j != own:
+                dx, dy = min(dx, search.width_x - dx), min(dy, search.width_y - dy)
+                if dx * dx + dy * dy < search.near2 and j != own:
                     number += 1
                     break
         i += size

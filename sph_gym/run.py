@@ -107,8 +107,9 @@ def run(
     seconds: physical time [s], by default the scene's duration; n_logged: how many particles to
     log, spread evenly over the fluid; readings: of gauges, logged and recorded as well; window:
     watch it, until the window is closed; video: film it there; save: where a `Recorder` puts the
-    start and every frame; style: the parts of a `PictureStyle`. Warnings of the simulation are printed as
-    they appear, and at the end in one line. Raises ValueError for wrong values and unknown names.
+    start and every frame; style: the parts of a `PictureStyle`. Warnings of the simulation are
+    printed as they appear, and at the end in one line. Raises ValueError for wrong values and
+    unknown names.
     """
     until = sim.scene.duration if seconds is None else positive("seconds", seconds)
     readings = Readings(sim) if readings is None else readings

@@ -27,6 +27,14 @@ def densities(scene: Scene, stiffness: float) -> Floats:
     return _density(scene, stiffness, -_heights(scene)[0])
 
 
+def rest_densities(scene: Scene, stiffness: float) -> Any:
+    """Return the densities [kg/m^3] of the fluid if nothing is odd: rho0, or (n,) under its weight.
+
+    stiffness: Tait's B [Pa].
+    """
+    return densities(scene, stiffness) if scene.hydrostatic else scene.fluid.rho0
+
+
 def pressed(scene: Scene, stiffness: float) -> Scene:
     """Return the scene with the fluid where its kernel sums are the densities of rest.
 

@@ -63,8 +63,8 @@ ODDITIES = {
         "clumping",
         0.2,
         "{0:.0%} of the particles of a calm fluid are closer than 0.6 dx to another one, which "
-        "makes single pressures wrong; a matched kernel (wendland_c2) at h = 2.6 to 3 dx keeps them "
-        "apart",
+        "makes single pressures wrong; a matched kernel (wendland_c2) at h = 2.6 to 3 dx keeps "
+        "them apart",
     ),
     "loss": Oddity(
         "volume",
@@ -115,7 +115,10 @@ class Watch:
     """
 
     def __init__(self, scene: Scene, mass: float, ratio: Any) -> None:
-        """Begin with the densities of the start, (n,) [rho0]; mass: of a particle [kg/m]."""
+        """Begin with the densities of the start.
+
+        mass: of a particle [kg/m]; ratio: (n,) densities as shares of those of rest.
+        """
         self._scene, self._ratio = scene, np.array(ratio, np.float64)
         walls, fluid_mass = scene.walls, mass * len(self._ratio)
         driven = walls is not None and walls.top_speed > 0

@@ -314,6 +314,15 @@ def test_any_direction_may_be_down_and_a_fluid_may_be_moving():
 
 
 @uncompiled
+def test_a_soft_fluid_under_its_weight_is_told_to_have_settled_and_not_to_overlap():
+    soft = tank(2.6, width=0.08, depth=0.12, hydrostatic=True)
+    soft = replace(soft, fluid=replace(soft.fluid, c0=2.5))
+    assert "start" not in [warning.kind for warning in Simulation(soft).warnings]
+    crowded = replace(soft, x=np.asarray(soft.x) * (0.7, 1.0))
+    assert "start" in [warning.kind for warning in Simulation(crowded).warnings]
+
+
+@uncompiled
 def test_a_dam_that_stands_free_keeps_its_shape():
     walls = Walls(box=(0.0, 9.0, 0.0, INF))
     dam = tank(2.6, walls=walls, width=0.08, depth=0.16, hydrostatic=True)

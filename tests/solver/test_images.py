@@ -323,6 +323,18 @@ def test_a_soft_fluid_under_its_weight_is_told_to_have_settled_and_not_to_overla
 
 
 @uncompiled
+@pytest.mark.parametrize("kernel", ["wendland_c2", "mueller"])
+@pytest.mark.parametrize("hydrostatic", [False, True])
+def test_nothing_overlaps_in_a_lattice_with_densities_by_continuity(kernel, hydrostatic):
+    walls = Walls(tank_particles(0.1, 0.2, DX), pressure="extrapolated")
+    scene = tank(
+        2.6, kernel, walls=walls, width=0.1, depth=0.12, acting={"continuity": True},
+        hydrostatic=hydrostatic,
+    )  # fmt: skip
+    assert Simulation(scene).warnings == ()
+
+
+@uncompiled
 def test_a_dam_that_stands_free_keeps_its_shape():
     walls = Walls(box=(0.0, 9.0, 0.0, INF))
     dam = tank(2.6, walls=walls, width=0.08, depth=0.16, hydrostatic=True)

@@ -48,6 +48,11 @@ class Selection:
             self._dx = dx = positive("dx", dx)
         self._names = tuple(FAMILIES) if scene == MIXED else (known("scene", scene, FAMILIES),)
         if isinstance(chosen, str):
+            if chosen.count("/") > 1:
+                raise ValueError(
+                    f"instances: expected one of {', '.join(instances.SIZES)}, or a list for a "
+                    f"single flow, [{chosen!r}], got {chosen!r}"
+                )
             firsts = [instances.instance(name, chosen, 0, dx) for name in self._names]
         else:
             firsts = self._listed(chosen)

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 ANY_SIDE = -1
 # Points on a side or a plate at which the pressure is taken, in spacings.
 EVERY = 0.5
+# Multiple of dx: fluid particles beside a plate that are farther apart leave it dry in between.
+GAP = 1.5
 # The normals of `SIDES`, out of the box.
 OUTWARD = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
 
@@ -251,15 +253,36 @@ def _of_plate(sim: "Simulation", plate: Array) -> Array:
     x, _ = positions(sim)
     start, end = plate[:2], plate[2:]
     points, length = _points(sim, start, end)
-    normal = np.array([start[1] - end[1], end[0] - start[0]]) / np.hypot(*(end - start))
+    tangent = (end - start) / np.hypot(*(end - start))
+    normal = np.array([-tangent[1], tangent[0]])
     total = 0.0
     for face in (1.0, -1.0):
-        before = face * ((x - start) @ normal) > 0
+        distance = face * ((x - start) @ normal)
+        before = distance > 0
+        beside = (x[before & (distance < sim.scene.h)] - start) @ tangent
+        if not len(beside):
+            continue
         # boundary particles may keep the fluid at a distance
         reach = sim.scene.h / sim.scene.dx
-        p = fit(sim, points, x[before], sim.p[: sim.n_fluid][before, None], reach)
-        total -= face * clamped(sim, np.nan_to_num(p, nan=0.0)).sum() * length
+        p = fit(sim, points, x[before], sim.p[: sim.n_fluid][before, None], reach)[:, 0]
+        wet = _covered((points - start) @ tangent, length, beside, sim.scene.dx)
+        total -= face * float(wet @ clamped(sim, np.nan_to_num(p, nan=0.0))) * length
     return total * normal
+
+
+def _covered(places: Array, length: float, beside: Array, dx: float) -> Array:
+    """Return the shares (m,) of pieces of a line that are wet.
+
+    places: (m,) their middles, each of this length; beside: (n,) places of fluid particles dx
+    apart, n >= 1, along the line, which is wet up to dx / 2 beyond them; all in [m].
+    """
+    beside = np.sort(beside)
+    gaps = np.diff(beside) > GAP * dx
+    begins = beside[np.append(True, gaps)] - dx / 2
+    ends = beside[np.append(gaps, True)] + dx / 2
+    low, high = (places + sign * length / 2 for sign in (-1, 1))
+    wet = np.minimum(high[:, None], ends) - np.maximum(low[:, None], begins)
+    return np.asarray(np.maximum(wet, 0.0).sum(axis=1) / length)
 
 
 def _points(sim: "Simulation", start: Array, end: Array) -> tuple[Array, float]:

@@ -99,11 +99,13 @@ def images(walls: Walls, reach: float) -> Floats:
 def oddities(scene: Any, ratio: Floats) -> list[tuple[float, float, str]]:
     """Return a measure, its limit and a sentence for all that is odd about the start of a scene.
 
-    ratio: (n,) densities at the start [rho0], summed.
+    ratio: (n,) densities at the start, summed, as shares of those of rest.
     """
-    found = _crowd(scene, ratio)
-    if scene.walls is not None and scene.walls.particles is not None:
-        found += _thin(scene) + _distant(scene)
+    found, walls = _crowd(scene, ratio), scene.walls
+    if walls is not None and walls.particles is not None:
+        found += _thin(scene)
+    if walls is not None and (walls.particles is not None or walls.plates is not None):
+        found += _distant(scene)
     return found
 
 
@@ -168,23 +170,36 @@ def _gaps(particles: Floats) -> Floats:
 
 
 def _distant(scene: Any) -> list[tuple[float, float, str]]:
-    """Return fluid that is nowhere near its boundary particles, or falls beside them."""
-    x, particles = np.asarray(scene.x), np.asarray(scene.walls.particles)
+    """Return fluid that is nowhere near its walls, or falls beside or below them."""
+    x, solid = np.asarray(scene.x), _solid(scene.walls)
+    name = "walls.plates" if scene.walls.particles is None else "walls.particles"
     low, high = x.min(axis=0), x.max(axis=0)
-    gap = np.maximum(particles.min(axis=0) - high, low - particles.max(axis=0))
-    size = float(np.maximum(high - low, np.ptp(particles, axis=0)).max()) + scene.h
+    gap = np.maximum(solid.min(axis=0) - high, low - solid.max(axis=0))
+    size = float(np.maximum(high - low, np.ptp(solid, axis=0)).max()) + scene.h
     distance = float(gap.max())
     if distance > FAR * size:
         text = (
-            f"walls.particles are {distance:g} m away from the fluid, {distance / size:.3g} times "
+            f"{name} are {distance:g} m away from the fluid, {distance / size:.3g} times "
             "the larger of their sizes; they may be in different units or places"
         )
         return [(distance / size, FAR, text)]
     field = scene.effects.field
     if not isinstance(field, Gravity) or scene.walls.is_periodic or scene.walls.box is not None:
         return []
+    pull = np.array((field.x, field.y))
     down = int(abs(field.x) < abs(field.y))
-    if scene.walls.plates is None and gap[1 - down] > scene.h and not np.asarray(scene.v).any():
-        text = "there are walls.particles, but none below the fluid: it falls beside them"
-        return [(float(gap[1 - down]) / scene.h, 1.0, text)]
+    along = math.copysign(1.0, pull[down])
+    below = float((along * x[:, down]).min() - (along * solid[:, down]).max())
+    missed = max(float(gap[1 - down]), below)
+    if pull.any() and missed > scene.h and not np.asarray(scene.v).any():
+        text = f"there are {name}, but none below the fluid: it falls beside them"
+        return [(missed / scene.h, 1.0, text)]
     return []
+
+
+def _solid(walls: Walls) -> Floats:
+    """Return (n, 2) [m] of the boundary particles and of the ends of plates."""
+    parts = [] if walls.particles is None else [np.asarray(walls.particles)]
+    if walls.plates is not None:
+        parts.append(np.asarray(walls.plates).reshape(-1, 2))
+    return np.concatenate(parts)

@@ -10,6 +10,13 @@ from typing import Any
 import numpy as np
 
 from sph_gym.solver.equation_of_state import density_at, make_eos
+from sph_gym.solver.kernels import (
+    ALL_KERNELS,
+    calibrated_mass,
+    primitive,
+    primitive_scale,
+    rest_lattice,
+)
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Floats
 from sph_gym.solver.stepping import stable_dt
@@ -25,6 +32,21 @@ GAP = 1.5
 def densities(scene: Scene, stiffness: float) -> Floats:
     """Return (n,) densities [kg/m^3] of the fluid at rest; stiffness: Tait's B [Pa]."""
     return _density(scene, stiffness, -_heights(scene)[0])
+
+
+def rest_densities(scene: Scene, stiffness: float) -> Any:
+    """Return the kernel sums [kg/m^3] of the fluid if nothing is odd: rho0, or (n,) under weight.
+
+    Densities by continuity are sums of another kernel, and start from the lattice as it is.
+    stiffness: Tait's B [Pa].
+    """
+    if not scene.effects.continuity:
+        return densities(scene, stiffness) if scene.hydrostatic else scene.fluid.rho0
+    kernel = ALL_KERNELS[scene.fluid.kernel](scene.h)
+    r = np.hypot(*rest_lattice(scene.h, scene.dx))
+    shape = np.where(r < scene.h, primitive(kernel, r * r, r), 0.0)
+    mass = calibrated_mass(kernel, scene.fluid.rho0, scene.dx)
+    return mass * primitive_scale(kernel) * shape.sum()
 
 
 def pressed(scene: Scene, stiffness: float) -> Scene:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sph_gym.solver.checks import finite_array
 from sph_gym.solver.confinement import stroke_at
+from sph_gym.solver.panes import Pane, panes_of
 from sph_gym.solver.periodic import make_period, nearest_image
 
 if TYPE_CHECKING:
@@ -153,20 +154,21 @@ def level_at(sim: "Simulation", x: ArrayLike) -> Any:
     """Return the height y [m] of the free surface in the columns at x [m]; NaN where it is dry.
 
     x: a number, which gives a float, or (m,). The share of space that is filled is smoothed over
-    h along x and 2 dx along y, and divided by the share that boundary particles and the box leave
-    free; the surface is where it falls below one half, the first time above the lowest water: what
-    flies or overhangs above doesn't count. For gravity along -y. Raises ValueError for x that is
-    not finite, or neither a number nor of shape (m,).
+    h along x and 2 dx along y, and divided by the share that boundary particles, the box and plates
+    around the fluid leave free; the surface is where it falls below one half, the first time above
+    the lowest water: what flies or overhangs above doesn't count. For gravity along -y. Raises
+    ValueError for x that is not finite, or neither a number nor of shape (m,).
     """
     single = not np.iterable(x)
     places = finite_array("x", [x] if single else x, ("m",))
     fluid, walls = positions(sim)
-    levels = np.array([_level(sim, place, fluid, walls) for place in places])
+    panes = panes_of(sim.scene)
+    levels = np.array([_level(sim, place, fluid, walls, panes) for place in places])
     return float(levels[0]) if single else levels
 
 
-def _level(sim: "Simulation", place: float, fluid: Array, walls: Array) -> float:
-    """Return the level [m] in the column at `place` [m]."""
+def _level(sim: "Simulation", place: float, fluid: Array, walls: Array, panes: list[Pane]) -> float:
+    """Return the level [m] in the column at `place` [m]; panes: plates that enclose the fluid."""
     dx, reach = sim.scene.dx, SMOOTHING * sim.scene.dx
     near = [_column(sim, place, x) for x in (fluid, walls)]
     if not len(near[0][0]):
@@ -177,7 +179,7 @@ def _level(sim: "Simulation", place: float, fluid: Array, walls: Array) -> float
         dx * dx * (wendland_1d((y[:, None] - heights) / reach) @ weights) / reach
         for heights, weights in near
     )
-    free = np.minimum(1 - solid, _share_in_box(sim, place))
+    free = np.minimum(1 - solid, _share_inside(sim, place, y, panes))
     filled = np.where(free > 0.1, water / np.maximum(free, 0.1), 0.0)
     wet = np.flatnonzero(filled >= 0.5)
     if not len(wet):
@@ -200,14 +202,30 @@ def wendland_1d(q: Array) -> Array:
     return 1.25 * (1 - q) ** 3 * (1 + 3 * q)
 
 
-def _share_in_box(sim: "Simulation", place: float) -> float:
-    """Return the share of the smoothing along x that is within the box."""
+def _share_inside(sim: "Simulation", place: float, y: Array, panes: list[Pane]) -> Array:
+    """Return the share (m,) of the smoothing along x, at heights y [m], within box and panes."""
     left, right, *_ = sides(sim)
-    q = np.clip([(left - place) / sim.scene.h, (right - place) / sim.scene.h], -1.0, 1.0)
-    # integral of `wendland_1d` from 0 on
+    ends = np.full((2, len(y)), [[left], [right]])
+    for pane in panes:
+        rise = pane.length * pane.along[1]
+        if abs(rise) < sim.scene.dx:
+            continue
+        up = (y - pane.begin[1]) / rise
+        x = pane.begin[0] + up * pane.length * pane.along[0]
+        # all fluid began on one side
+        is_left = (pane.place(np.asarray(sim.scene.x))[0] * rise).sum() > 0
+        side = 0 if is_left else 1
+        nearer = np.maximum(ends[0], x) if is_left else np.minimum(ends[1], x)
+        ends[side] = np.where((up >= 0) & (up <= 1), nearer, ends[side])
+    low, high = (_integral((end - place) / sim.scene.h) for end in ends)
+    return high - low
+
+
+def _integral(q: Array) -> Array:
+    """Return the integral of `wendland_1d` from 0 to q."""
+    q = np.clip(q, -1.0, 1.0)
     s = np.abs(q)
-    part = np.sign(q) * 1.25 * (s - 2 * s**3 + 2 * s**4 - 0.6 * s**5)
-    return float(part[1] - part[0])
+    return np.asarray(np.sign(q) * 1.25 * (s - 2 * s**3 + 2 * s**4 - 0.6 * s**5))
 
 
 def sides(sim: "Simulation") -> Array:

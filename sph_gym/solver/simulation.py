@@ -73,7 +73,8 @@ class Simulation:
         self.engine = Engine(self._local, self._controls, self.mass, self._float, brute, most)
         densities = self._check_densities()
         hydrostatics.settle(self.engine, self._local, self._controls.stiffness)
-        self._watch = Watch(scene, self.mass, densities / scene.fluid.rho0)
+        at_rest = hydrostatics.rest_densities(scene, self._controls.stiffness)
+        self._watch = Watch(scene, self.mass, densities / at_rest)
         self._acceleration: tuple[Any, Any] | None = None
         self._underway: Underway | None = None
         self.last_report = Report(0, self._controls.dt)

@@ -113,7 +113,10 @@ class Watch:
     """
 
     def __init__(self, scene: Scene, mass: float, ratio: Any) -> None:
-        """Begin with the densities of the start, (n,) [rho0]; mass: of a particle [kg/m]."""
+        """Begin with the densities of the start.
+
+        mass: of a particle [kg/m]; ratio: (n,) densities as shares of those of rest.
+        """
         self._scene, self._ratio = scene, np.array(ratio, np.float64)
         walls, fluid_mass = scene.walls, mass * len(self._ratio)
         driven = walls is not None and walls.top_speed > 0

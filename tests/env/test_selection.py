@@ -61,6 +61,7 @@ def test_dx_is_that_of_ids_that_name_none():
         (["val"], "instance: expected an id"),
         ([None], "instance: expected an id"),
         ("val/1", "instances: expected one of"),
+        (LIST[0], r"instances: expected one of .* a list for a single flow, \['drop_impact/test/3"),
     ],
     ids=str,
 )

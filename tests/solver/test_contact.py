@@ -63,6 +63,8 @@ def test_a_plate_feels_the_difference_of_its_faces():
     assert np.allclose(force, [60.0 * cases.WIDTH, 0.0], rtol=0.02)
     turned = contact._of_plate(held, plate[[2, 3, 0, 1]])
     assert np.allclose(force, turned)
+    longer = contact._of_plate(held, np.array([middle, -1.0, middle, 1.0 + cases.WIDTH]))
+    assert np.allclose(longer, force, rtol=0.02)
     assert sim.force_on("plate0").shape == (2,)
 
 

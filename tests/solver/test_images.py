@@ -314,6 +314,27 @@ def test_any_direction_may_be_down_and_a_fluid_may_be_moving():
 
 
 @uncompiled
+def test_a_soft_fluid_under_its_weight_is_told_to_have_settled_and_not_to_overlap():
+    soft = tank(2.6, width=0.08, depth=0.12, hydrostatic=True)
+    soft = replace(soft, fluid=replace(soft.fluid, c0=2.5))
+    assert "start" not in [warning.kind for warning in Simulation(soft).warnings]
+    crowded = replace(soft, x=np.asarray(soft.x) * (0.7, 1.0))
+    assert "start" in [warning.kind for warning in Simulation(crowded).warnings]
+
+
+@uncompiled
+@pytest.mark.parametrize("kernel", ["wendland_c2", "mueller"])
+@pytest.mark.parametrize("hydrostatic", [False, True])
+def test_nothing_overlaps_in_a_lattice_with_densities_by_continuity(kernel, hydrostatic):
+    walls = Walls(tank_particles(0.1, 0.2, DX), pressure="extrapolated")
+    scene = tank(
+        2.6, kernel, walls=walls, width=0.1, depth=0.12, acting={"continuity": True},
+        hydrostatic=hydrostatic,
+    )  # fmt: skip
+    assert Simulation(scene).warnings == ()
+
+
+@uncompiled
 def test_a_dam_that_stands_free_keeps_its_shape():
     walls = Walls(box=(0.0, 9.0, 0.0, INF))
     dam = tank(2.6, walls=walls, width=0.08, depth=0.16, hydrostatic=True)

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sph_gym import Simulation, disc
+from sph_gym import Simulation, Walls, disc
 from sph_gym.scenes.couette import couette
 from sph_gym.scenes.hydrostatic_tank import hydrostatic_tank
 from sph_gym.scenes.lid_driven_cavity import lid_driven_cavity
@@ -130,6 +130,15 @@ def test_the_level_ignores_what_flies_and_knows_walls_and_obstacles():
     sim.n_fluid, sim._local_x = len(drop), np.concatenate([drop, sim._local_x[len(x) :]])
     assert sampling.level_at(sim, 0.25) == pytest.approx(1.0, abs=0.02)
     assert np.isnan(sampling.level_at(sim, 0.02))
+
+
+def test_the_level_is_right_up_to_plates_around_the_water():
+    plates = [(0.0, -0.1, 0.0, 2.0), (-0.1, 0.0, 0.6, 0.0), (0.5, -0.1, 0.5, 2.0)]
+    scene = replace(hydrostatic_tank(dx=0.05), walls=Walls(plates=plates))
+    sim = planted(scene, np.zeros_like(np.asarray(scene.x)))
+    sim._origin, sim.engine = np.zeros(2), SimpleNamespace(model=SimpleNamespace(stroke=None))
+    sim._local_x = np.asarray(scene.x)
+    assert np.allclose(sampling.level_at(sim, [0.0, 0.02, 0.25, 0.5]), 0.5, atol=0.005)
 
 
 @pytest.mark.parametrize("points", [[1.0, 2.0], [[1.0]], [[np.nan, 0.0]], "x", None, [[1], [1, 2]]])

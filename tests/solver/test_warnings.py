@@ -182,7 +182,19 @@ def test_other_units_and_other_places_are_told():
     assert "m away from the fluid" in text
     [text] = odd(at_rest(Walls(tank), x + np.array((1.0, 0.0))))
     assert "falls beside them" in text
+    [text] = odd(at_rest(Walls(tank), x - np.array((0.0, 2.0))))
+    assert "none below the fluid" in text
     assert odd(at_rest(Walls(tank), x + np.array((0.0, 3.0)))) == []
+
+
+def test_plates_in_other_units_and_other_places_are_told():
+    x, tank = lattice(0, 0.5, 0, 0.5, 0.05), [[0, 0, 0, 1], [0, 0, 0.5, 0], [0.5, 0, 0.5, 1]]
+    assert odd(at_rest(Walls(plates=tank))) == []
+    [text] = odd(at_rest(Walls(plates=tank), x + np.array((50.0, 0.0))))
+    assert re.search("walls.plates are .* m away from the fluid", text)
+    for shift in ((1.0, 0.0), (0.0, -2.0)):
+        [text] = odd(at_rest(Walls(plates=tank), x + np.array(shift)))
+        assert "there are walls.plates, but none below the fluid" in text
 
 
 def test_a_layer_is_measured_as_it_is_on_a_lattice():

@@ -501,7 +501,7 @@ class Naive:
             s = filled_gradient(offset[:, :n], r[:, :n], h, volume)
             pull = surface_pull(s, s, offset[:, :n], r[:, :n], self.kernel, h, dx, volume)
             a += strength * pull.sum(axis=1) / m
-            a += self.surface_friction(s, offset[:, :n], r[:, :n], v, mean_rho[:, :n])
+            a += self.surface_friction(s, offset, r, relative, mean_rho)
         a += gravity(effects.gravity, time, x, v)
         return Rates(
             a,
@@ -509,15 +509,16 @@ class Naive:
             self.growth(rho, offset, r, slope, mean_rho),
         )
 
-    def surface_friction(self, s, offset, r, v, mean_rho):
-        """(n, 2) [m/s^2]: a viscosity 12 sqrt(sigma h / rho0) where |s|^2 isn't 0."""
+    def surface_friction(self, s, offset, r, relative, mean_rho):
+        """(n, 2) [m/s^2]: a viscosity 12 sqrt(sigma h / rho0) where |s|^2 isn't 0, as at walls."""
         fluid, h = self.scene.fluid, self.h
         volume = self.mass / fluid.rho0
         nu = 12 * np.sqrt(self.scene.effects.surface_tension * h / fluid.rho0)
         weight = np.divide(-wendland_slope(r, h), r, out=np.zeros_like(r), where=r > 0)
-        size = (s**2).sum(axis=1)
-        both = size[:, None] + size[None, :]
-        parting = ((v[:, None] - v[None, :]) * offset).sum(axis=-1) / (r**2 + 0.01 * h**2)
+        size = np.zeros(r.shape[1])
+        size[: len(s)] = (s**2).sum(axis=1)
+        both = size[: len(s), None] + size[None, :]
+        parting = (relative * offset).sum(axis=-1) / (r**2 + 0.01 * h**2)
         force = nu * h * volume * both * fluid.rho0 / (2 * mean_rho) * weight * parting
         return -(force[..., None] * offset).sum(axis=1)
 

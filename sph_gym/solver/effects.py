@@ -466,8 +466,12 @@ def wall_effects(effects: Any, slip: str) -> Any:
         effects = effects._replace(
             shifting=effects.shifting._replace(inv_room=0 * effects.shifting.inv_room)
         )
-    acting = {"always", slip}
-    return effects._replace(**{e.name: None for e in EFFECTS if e.at_walls not in acting})
+    acting, layer = {"always", slip}, effects.surface_tension
+    effects = effects._replace(**{e.name: None for e in EFFECTS if e.at_walls not in acting})
+    if layer is not None:
+        # the layer that pulls is not pulled by walls, but rubs against them
+        effects = effects._replace(surface_tension=layer._replace(strength=0 * layer.strength))
+    return effects
 
 
 @dataclass(frozen=True)

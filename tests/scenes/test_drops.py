@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sph_gym import Effects, Fluid, Simulation, disc
+from sph_gym import Effects, Fluid, Scene, Simulation, Walls, disc, lattice
 from sph_gym.scenes import droplet as d
 from sph_gym.scenes import elliptical_drop as e
 from sph_gym.scenes import oscillating_drop as o
@@ -377,3 +377,35 @@ def test_a_drop_of_water_rings_and_does_not_boil():
     assert (ends[-1] - ends[0]) / 4 == pytest.approx(1.0, abs=0.05)
     assert farthest < 1.3
     assert excess < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ohnesorge", [0.13, 0.004])
+def test_a_drop_on_a_plate_comes_to_rest(ohnesorge):
+    """But for short bursts in which the lattice that it began with falls in."""
+    rho0, radius, sigma, n = 1000.0, 1e-3, 0.0728, 12
+    dx, time = radius / n, math.sqrt(rho0 * radius**3 / sigma)
+    x = disc(0.0, 0.0, radius, dx)
+    scene = Scene(
+        "sessile drop",
+        x - (0.0, x[:, 1].min() - dx / 2),
+        dx,
+        3 * dx,
+        Fluid(c0=11 * math.sqrt(sigma / (rho0 * 3 * dx))),
+        effects=Effects(
+            gravity=(0.0, -9.81),
+            surface_tension=sigma,
+            laminar_viscosity=ohnesorge * math.sqrt(sigma * radius / rho0),
+        ),
+        walls=Walls(particles=lattice(-4 * radius, 4 * radius, -4 * dx, 0.0, dx)),
+    )
+    sim = Simulation(scene, threads=1)
+    energies = []
+    for _ in range(60):
+        assert not sim.advance(time / 3).diverged
+        energies.append(sim.diagnostics()["kinetic_energy"] / sim.energy_at_stake)
+        assert sim.energy_surplus < 0.02 * sim.energy_at_stake
+    assert np.median(energies[30:]) < 2e-3
+    fluid = sim.x[: sim.n_fluid]
+    assert np.ptp(fluid[:, 0]) < 2.3 * radius
+    assert fluid[:, 1].max() < 2.1 * radius

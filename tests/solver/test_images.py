@@ -323,6 +323,14 @@ def test_a_soft_fluid_under_its_weight_is_told_to_have_settled_and_not_to_overla
 
 
 @uncompiled
+@pytest.mark.parametrize(("kernel", "kinds"), [("mueller", ["start"]), ("wendland_c2", [])])
+def test_kernels_that_heat_a_tank_at_rest_are_told_at_the_door(kernel, kinds):
+    walls = Walls(tank_particles(0.1, 0.2, DX))
+    sim = Simulation(tank(2.6, kernel, walls=walls, width=0.1, depth=0.12))
+    assert [each.kind for each in sim.warnings] == kinds
+
+
+@uncompiled
 @pytest.mark.parametrize("kernel", ["wendland_c2", "mueller"])
 @pytest.mark.parametrize("hydrostatic", [False, True])
 def test_nothing_overlaps_in_a_lattice_with_densities_by_continuity(kernel, hydrostatic):

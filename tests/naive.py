@@ -523,7 +523,7 @@ class Naive:
         return -(force[..., None] * offset).sum(axis=1)
 
     def rates_among(self, images, x, v, time, rho):
-        """The same with images as further fluid, which has the densities of the particles."""
+        """Return the rates with images as further fluid, of the densities of their particles."""
         rho = self.density(x, time) if rho is None else rho
         alone, n = copy.copy(self), len(x)
         alone.mirrors, alone.panes = False, []

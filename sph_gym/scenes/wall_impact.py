@@ -16,7 +16,7 @@ from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.walls import Walls
 
 TABLE = "buchner_2002_wall_pressure.csv"
-# Of the experiment, in heights of the water: lower and upper end of the sensor's face.
+# Lower and upper end of the sensor's face in the experiment, in heights of the water.
 SENSOR = (0.115 / 0.6, 0.205 / 0.6)
 # In units of sqrt(H / g): the plateau after the first peak, and the time over which pressures
 # are averaged before peaks are looked for, since a compressible fluid rings.

@@ -41,7 +41,7 @@ from sph_gym.solver.surface import (
     layer_viscosity,
 )
 
-# What `viscosity_form` may be; both mean the one laminar viscosity.
+# Words that `viscosity_form` still takes; both mean the one laminar viscosity.
 VISCOSITY_FORMS = ("laplacian", "morris")
 
 # --- Pressure -------------------------------------------------------------------------------

@@ -129,7 +129,7 @@ class Panes(NamedTuple):
     h: float
 
 
-# What a plate does to a pair: it adds the image of the other, or hides the other itself.
+# Two parts of a plate's effect on a pair: the image is added, the particle behind it is hidden.
 ADDED, HIDDEN = range(2)
 
 

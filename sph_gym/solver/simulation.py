@@ -262,7 +262,7 @@ class Simulation:
 
     @property
     def warnings(self) -> tuple[Warning, ...]:
-        """What is odd about the run so far without being a blow-up, at most one of each kind.
+        """Oddities of the run so far that are no blow-up, at most one of each kind.
 
         Energy, speed and walls are looked at after each frame, neighbours and levels now and then;
         reading this looks at the present state as well. It belongs to a snapshot.

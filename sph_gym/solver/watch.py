@@ -158,10 +158,16 @@ class Watch:
         paired = scene.fluid.kernel in MATCHED or scene.effects.continuity
         if paired or width < UNSTABLE or np.any(scene.v):
             return []
-        container = lowest_fill(scene)
+        container = self._lowest_fill()
         if container is None or x[:, 1].mean() > container[0] + LEVEL * scene.dx:
             return []
         return [(width, UNSTABLE, HEATED.format(scene.fluid.kernel))]
+
+    def _lowest_fill(self) -> Any:
+        # takes as long as many steps, so once and on demand
+        if self._container == ():
+            self._container = lowest_fill(self._scene)
+        return self._container
 
     def _note(self, name: str, value: float, time: float) -> None:
         worst, since = self._found.get(name, (value, time))
@@ -197,11 +203,10 @@ class Watch:
 
         shift: (2,) of the scene's positions against the engine's [m].
         """
-        if self._container == ():
-            self._container = lowest_fill(self._scene)
-        if self._container is None or not self._is_inside(engine, shift):
+        container = self._lowest_fill()
+        if container is None or not self._is_inside(engine, shift):
             return
-        lowest, floor, _, _ = self._container
+        lowest, floor, _, _ = container
         height = totals.com_y + shift[1]
         change = (height - lowest) / (lowest - floor)
         # a map of cells is off by one beside plates

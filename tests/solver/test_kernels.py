@@ -319,7 +319,7 @@ def test_rows_that_slide_past_each_other_are_as_viscous_as_the_lattice(ratio):
 
 
 def fastest_decay(ratio):
-    """Of all waves on the square lattice, in a fluid of nu = 1, h = ratio and dx = 1 [1/s]."""
+    """Return the fastest decay [1/s] on the square lattice, for nu = 1, h = ratio and dx = 1."""
     place = np.arange(-4, 5)
     w = friction_scale(ratio, 1.0) * friction(ratio, np.hypot(*np.meshgrid(place, place)))
     waves = np.cos(np.outer(np.linspace(0, np.pi, 41), place))

@@ -39,7 +39,7 @@ coincident = st.builds(lambda place, n: [place] * n, near, st.integers(1, 20))
 
 
 def in_both_ways(configuration, x, h=H):
-    """The same moving cloud with the grid and by brute force; in a tank, within its walls."""
+    """Return a moving cloud with the grid and by brute force; in a tank, within its walls."""
     x, walls = np.array(x), CONFIGURATIONS[configuration].get("walls")
     if walls is not None:
         left, right, floor, ceiling = walls.box

@@ -52,7 +52,7 @@ def of_kind(sim, kind):
 
 
 def odd(scene):
-    """What is odd about walls and places, at rest density."""
+    """Return the oddities of walls and places, at rest density."""
     return [text for *_, text in oddities(scene, np.ones(len(scene.x)))]
 
 

@@ -103,7 +103,7 @@ def test_walls_take_part_in_what_they_should(pressure, slip):
     named = replace(PAIRS, continuity=pressure == "extrapolated")
     walls = replace(WALLS, pressure=pressure, slip=slip)
     model = simulation("none", effects=named, walls=walls).engine.model
-    without = {"xsph", "density_diffusion", "surface_tension"}
+    without = {"xsph", "density_diffusion"}
     if slip == "free-slip":
         without |= {"artificial_viscosity", "quadratic_viscosity", "laminar_viscosity"}
     for name, of_fluid in model.effects._asdict().items():
@@ -111,6 +111,9 @@ def test_walls_take_part_in_what_they_should(pressure, slip):
         if name == "shifting":
             # walls are no free surface
             of_fluid = of_fluid._replace(inv_room=0.0)
+        if name == "surface_tension":
+            # the layer under tension rubs against walls, which do not pull it
+            of_fluid = of_fluid._replace(strength=0.0)
         assert of_walls is None if name in without else of_walls == of_fluid
 
 

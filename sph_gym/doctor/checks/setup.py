@@ -1,0 +1,98 @@
+"""Does the solver keep the protocol? Everything else waits for this."""
+
+import numpy as np
+
+from sph_gym.doctor.case import DX, case, lattice
+from sph_gym.doctor.findings import Finding, failed, passed
+from sph_gym.doctor.lab import OPTIONAL, TINY, Lab
+from sph_gym.doctor.registry import check
+from sph_gym.doctor.subject import Misfit
+
+_ORDER = (
+    "Return particles in case.x's order at all times: sort copies, or keep the permutation and "
+    "undo it in x, v, rho, p and a."
+)
+
+
+@check("setup", needs=())
+def adapter(lab: Lab) -> Finding:
+    """Make a solver for nine particles, do two steps, read everything that it shows."""
+    x = lattice(3, 3, 1.1 * DX)
+    nine = case(x)
+    subject = lab.make(nine)
+    if not np.allclose(subject.x, x, rtol=1e-5, atol=1e-5 * DX):
+        raise Misfit("x is not case.x before the first step")
+    if not np.allclose(subject.v, 0.0):
+        raise Misfit("v is not case.v before the first step")
+    lab.shown = frozenset(name for name in OPTIONAL if subject.shows(name))
+    raw = getattr(subject.solver, "x", None)
+    lab.float32 = getattr(raw, "dtype", None) in (np.float32, np.float16)
+    subject.step(TINY * nine.h / nine.c0, 2)
+    values = {"x": subject.x, "v": subject.v}
+    values |= {name: subject.get(name) for name in ("rho", "p", "a") if name in lab.shown}
+    if "evaluate" in lab.shown:
+        subject.evaluate()
+    if "neighbors" in lab.shown:
+        subject.neighbors(4)
+    bad = [name for name in ("x", "v") if not np.isfinite(values[name]).all()]
+    if bad:
+        return failed(
+            f"nine particles at rest: {' and '.join(bad)} not finite after two tiny steps",
+            "Stop at the first value that is not finite and name its particle (a tripwire); the "
+            "usual causes are a division by a distance or a density of zero.",
+            "not finite",
+            "finite",
+            link=_first_bad(values),
+        )
+    return passed(
+        f"shows {', '.join(name for name in OPTIONAL if name in lab.shown) or 'x and v only'}"
+    )
+
+
+def _first_bad(values: dict[str, np.ndarray]) -> str:
+    for name, link in (("rho", "density"), ("p", "pressure"), ("a", "force")):
+        if name in values and not np.isfinite(values[name]).all():
+            return link
+    return "setup" if "a" not in values else "integration"
+
+
+@check("setup")
+def order(lab: Lab) -> Finding:
+    """Let particles that don't touch fly apart: does each keep its place in x and v?"""
+    # in an order that no grid would choose
+    x = lattice(4, 4, 1.5 * DX * 3)[lab.rng.permutation(16)]
+    v = lab.rng.uniform(-1.0, 1.0, (16, 2))
+    start = case(x, v)
+    subject = lab.make(start)
+    dt = start.dt
+    for n in range(1, 4):
+        subject.step(dt)
+        where, speed = subject.x, subject.v
+        if not (np.isfinite(where).all() and np.isfinite(speed).all()):
+            return passed("some values are not finite, which other checks judge")
+        moved = _nearest(where, x)
+        turned = _nearest(speed, v)
+        if (moved != np.arange(16)).any():
+            consistent = (moved == turned).all()
+            return failed(
+                f"16 particles far apart: after {n} steps, x[{int(np.argmax(moved != range(16)))}]"
+                + (
+                    " is another particle's, and v with it"
+                    if consistent
+                    else " is another particle's, but v is not: positions were sorted without "
+                    "the velocities"
+                ),
+                _ORDER
+                if consistent
+                else "Sort velocities, densities and all other columns by the same permutation "
+                "as the positions.",
+                f"{int((moved != range(16)).sum())} of 16 moved",
+                "0",
+                link="setup" if consistent else "neighbours",
+            )
+    return passed("16 particles keep their places in 3 steps", 0, 0, unit="particles exchanged")
+
+
+def _nearest(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    distance = np.linalg.norm(values[:, None] - known[None], axis=2)
+    return np.argmin(distance, axis=1)

@@ -1,0 +1,153 @@
+"""Run the checks on a solver, in an order in which each builds on what was found sound."""
+
+import importlib
+import time
+from collections.abc import Callable, Collection, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from sph_gym.doctor import checks as _checks  # noqa: F401  (fills CHECKS)
+from sph_gym.doctor.diagnosis import BROKEN, LINKS, Diagnosis, Result
+from sph_gym.doctor.findings import Finding, inconclusive, skipped
+from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.registry import CHECKS, Check
+from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, TooSlow
+from sph_gym.solver.checks import known
+
+# A check may take so long [s]; what is not done by then decides nothing.
+CHECK_LIMIT = 40.0
+_UNFIT = "Mend the adapter between the doctor and the solver; docs/playbook.md has the protocol."
+
+
+class Checkup:
+    """A solver under examination: results so far, by check.
+
+    Raises ValueError for unknown names of checks and for a factory that is none.
+    """
+
+    def __init__(
+        self,
+        make: Factory | str,
+        skip: Collection[str] = (),
+        expected_failed_checks: Mapping[str, str] = MappingProxyType({}),
+        seed: int = 0,
+    ) -> None:
+        for name in (*skip, *expected_failed_checks):
+            known("check", name, CHECKS)
+        self.name, factory = resolve(make)
+        self._skip, self._expected = frozenset(skip), dict(expected_failed_checks)
+        self._lab = Lab(factory, seed)
+        self._hung = ""
+        self.results: dict[str, Result] = {}
+
+    def result(self, name: str) -> Result:
+        """Return the result of one check, done now if it wasn't before, as is what it needs."""
+        check = CHECKS[known("check", name, CHECKS)]
+        if name not in self.results:
+            for other in check.needs:
+                self.result(other)
+            if check.last:
+                for other in CHECKS.values():
+                    if not other.last:
+                        self.result(other.name)
+            self.results[name] = self._do(check)
+        return self.results[name]
+
+    def _do(self, check: Check) -> Result:
+        started = time.monotonic()
+        finding = self._finding(check)
+        if finding.status in BROKEN and check.name in self._expected:
+            reason = self._expected[check.name]
+            finding = finding._replace(
+                status="xfail", message=f"expected to fail: {reason}. {finding.message}"
+            )
+        return Result(
+            check.name,
+            finding.link or check.link,
+            *finding[:-1],
+            step=check.step,
+            seconds=round(time.monotonic() - started, 3),
+        )
+
+    def _finding(self, check: Check) -> Finding:
+        if check.name in self._skip:
+            return skipped("left out as was asked")
+        if self._hung:
+            return Finding("blocked", message=f"the solver hung in {self._hung}")
+        before = [self.results[name] for name in check.needs]
+        if check.last:
+            before = list(self.results.values())
+        for other in before:
+            if other.broken or other.status == "xfail" or (not check.last and _stuck(other)):
+                return Finding("blocked", message=f"waits for {other.check}, which {_how(other)}")
+        missing = [name for name in check.shows if name not in self._lab.shown]
+        if missing:
+            return skipped(f"the solver does not show {', '.join(missing)}")
+        self._lab.start(check.name, CHECK_LIMIT)
+        try:
+            return check.function(self._lab)
+        except Misfit as error:
+            return Finding("error", message=f"{error}", remedy=_UNFIT, link="setup")
+        except Crash as error:
+            remedy = "Read the exception above; run the same case under a debugger."
+            return Finding("error", message=f"{error}", remedy=remedy)
+        except Hang as error:
+            self._hung = check.name
+            remedy = "Look for a loop without an end; cells of an infinite or NaN position are one."
+            return Finding("error", message=f"{error}", remedy=remedy)
+        except TooSlow:
+            return inconclusive(f"not done within {CHECK_LIMIT:.0f} s: the solver is too slow")
+        except (ArithmeticError, ValueError, IndexError, np.linalg.LinAlgError) as error:
+            # an experiment that a solver's numbers lead astray must not end in a traceback
+            return inconclusive(f"the measured numbers could not be used: {error}")
+
+
+def _stuck(result: Result) -> bool:
+    return result.status == "blocked"
+
+
+def _how(result: Result) -> str:
+    return "was blocked" if result.status == "blocked" else "failed"
+
+
+def resolve(make: Factory | str) -> tuple[str, Factory]:
+    """Return the name of a factory and the factory, given as a function or "module:factory".
+
+    Raises ValueError where there is none, and ImportError where the module can't be imported.
+    """
+    if callable(make):
+        name = getattr(make, "__name__", type(make).__name__)
+        return f"{getattr(make, '__module__', '')}:{name}", make
+    module, colon, name = str(make).partition(":")
+    if not (colon and module and name):
+        raise ValueError(f"make: expected a function or 'module:factory', got {make!r}")
+    found = getattr(importlib.import_module(module), name, None)
+    if not callable(found):
+        raise ValueError(f"make: {module} has no function {name!r}")
+    return str(make), found
+
+
+def check_solver(
+    make: Factory | str,
+    skip: Collection[str] = (),
+    expected_failed_checks: Mapping[str, str] = MappingProxyType({}),
+    seed: int = 0,
+    callback: Callable[[Result], None] | None = None,
+) -> Diagnosis:
+    """Examine a solver and return what was found.
+
+    make: a function of a `Case` that returns a solver, or "module:factory"; skip: names of checks
+    to leave out; expected_failed_checks: reasons by check: where such a check fails, its status is
+    "xfail"; seed: of the random arrangements; callback: is given each result as it comes.
+
+    Whatever the solver does ends in a result, not in an exception. Raises ValueError for unknown
+    names of checks and for a factory that is none, ImportError if its module can't be imported.
+    """
+    checkup = Checkup(make, skip, expected_failed_checks, seed)
+    for name in CHECKS:
+        result = checkup.result(name)
+        if callback:
+            callback(result)
+    ordered = sorted(checkup.results.values(), key=lambda each: LINKS.index(each.link))
+    return Diagnosis(tuple(ordered), checkup.name)

@@ -1,0 +1,96 @@
+"""The instruments: what the checks measure of a solver that they can't look into."""
+
+import time
+import zlib
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sph_gym.doctor.case import Array, Case
+from sph_gym.doctor.subject import Factory, Subject
+
+# A step so short that nothing moves: this share of the time that sound takes across the support.
+TINY = 1e-4
+OPTIONAL = ("rho", "p", "a", "evaluate", "neighbors", "c0", "stiffness")
+
+
+class Fields(NamedTuple):
+    """What a solver shows of one evaluation; None for what it doesn't show.
+
+    rho: (n,) [kg/m^3]; p: (n,) [Pa]; a: (n, 2) [m/s^2].
+    """
+
+    rho: Array | None
+    p: Array | None
+    a: Array | None
+
+
+class Lab:
+    """Makes solvers and measures them; one for all checks of a diagnosis.
+
+    shown: names of `OPTIONAL` that the solver shows, known after the check `adapter`;
+    float32: whether it keeps single precision, known after the same; facts: what earlier checks
+    have measured, by name, for later ones (such as the measured kernel).
+    """
+
+    def __init__(self, factory: Factory, seed: int = 0) -> None:
+        self._factory, self._seed = factory, seed
+        self._deadline = float("inf")
+        self.shown: frozenset[str] = frozenset()
+        self.float32 = False
+        self.facts: dict[str, Any] = {}
+
+    def start(self, check: str, seconds: float) -> None:
+        """Begin a check: its random numbers, and the time that it has."""
+        self.rng = np.random.default_rng([self._seed, zlib.crc32(check.encode())])
+        self._deadline = time.monotonic() + seconds
+
+    @property
+    def precision(self) -> float:
+        """Return the relative error that rounding alone may cause in a sum over neighbours."""
+        return 1e-3 if self.float32 else 1e-8
+
+    def make(self, case: Case) -> Subject:
+        """Return a new solver for the case."""
+        return Subject(self._factory, case, self._deadline)
+
+    def run(self, case: Case, dt: float, n_steps: int) -> Subject:
+        """Return a new solver after so many steps."""
+        return self.make(case).step(dt, n_steps)
+
+    def fields(self, case: Case) -> Fields:
+        """Return densities, pressures and accelerations of a new solver at the case's positions."""
+        subject = self.make(case)
+        if "evaluate" in self.shown:
+            subject.evaluate()
+        else:
+            subject.step(TINY * case.h / case.c0)
+        values = [subject.get(name) if name in self.shown else None for name in ("rho", "p", "a")]
+        return Fields(*values)
+
+    def density(self, case: Case) -> Array:
+        """Return the densities (n,) [kg/m^3] at the case's positions; the solver must show rho."""
+        rho = self.fields(case).rho
+        assert rho is not None
+        return rho
+
+    def acceleration(self, case: Case) -> Array:
+        """Return the accelerations (n, 2) [m/s^2] at the case's positions and velocities.
+
+        Taken from `a` if the solver shows it, else from the change of v.
+        """
+        if "a" in self.shown:
+            a = self.fields(case).a
+            assert a is not None
+            return a
+        return self.change_of_velocity(case)
+
+    def change_of_velocity(self, case: Case) -> Array:
+        """Return dv/dt (n, 2) [m/s^2] over two tiny steps, after a first one.
+
+        The first step is left out: some solvers know no acceleration yet when they begin.
+        """
+        dt = TINY * case.h / case.c0
+        subject = self.make(case).step(dt)
+        before = subject.v
+        return (subject.step(dt, 2).v - before) / (2 * dt)

@@ -1,0 +1,178 @@
+"""The solver on the table: every call into it is guarded, everything it shows is checked."""
+
+import signal
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from sph_gym.doctor.case import Array, Case
+
+Factory = Callable[[Case], Any]
+# One call into a solver may take so long [s]; compiling is a part of it.
+CALL_LIMIT = 60.0
+_OPTIONAL = {"rho": 1, "p": 1, "a": 2}
+
+
+class Misfit(Exception):
+    """The solver breaks the protocol: what it did, and what the protocol asks for."""
+
+
+class Crash(Exception):
+    """The solver raised an exception."""
+
+
+class Hang(Exception):
+    """A call into the solver did not return."""
+
+
+class TooSlow(Exception):
+    """A check ran out of its time although every call returned."""
+
+
+class _Alarm(BaseException):
+    """No Exception, so that a solver's own `except Exception` lets it pass."""
+
+
+class Subject:
+    """A solver that was made for one case.
+
+    All arrays are returned as float64 copies. Raises Misfit, Crash or Hang.
+    """
+
+    def __init__(self, factory: Factory, case: Case, deadline: float = float("inf")) -> None:
+        self.case, self._deadline = case, deadline
+        self.n_steps = 0
+        self._solver = self._call("make(case)", lambda: factory(case.copy()))
+        if self._solver is None:
+            raise Misfit("make(case) returned None; it has to return the solver")
+        if not callable(getattr(self._solver, "step", None)):
+            raise Misfit("the solver has no method step(dt)")
+
+    @property
+    def solver(self) -> Any:
+        """Return the object that the factory made."""
+        return self._solver
+
+    def step(self, dt: float, n: int = 1) -> "Subject":
+        """Advance n steps of dt seconds each, and return self."""
+        for _ in range(n):
+            if time.monotonic() > self._deadline:
+                raise TooSlow
+            self._call("step(dt)", lambda: self._solver.step(float(dt)))
+            self.n_steps += 1
+        return self
+
+    @property
+    def x(self) -> Array:
+        """Return the positions (n, 2) [m]."""
+        return self._array("x", 2)
+
+    @property
+    def v(self) -> Array:
+        """Return the velocities (n, 2) [m/s]."""
+        return self._array("v", 2)
+
+    def shows(self, name: str) -> bool:
+        """Return whether the solver has this optional attribute or method, and it is not None."""
+        return self._call(name, lambda: getattr(self._solver, name, None)) is not None
+
+    def get(self, name: str) -> Array:
+        """Return "rho" (n,), "p" (n,) or "a" (n, 2) of the last evaluation."""
+        return self._array(name, _OPTIONAL[name])
+
+    def number(self, name: str) -> float | None:
+        """Return "c0" or "stiffness", None if it is not shown."""
+        value = self._call(name, lambda: getattr(self._solver, name, None))
+        try:
+            return None if value is None else float(value)
+        except (TypeError, ValueError):
+            raise Misfit(f"{name}: expected a number, got {value!r:.60}") from None
+
+    def evaluate(self) -> "Subject":
+        """Renew rho, p and a for the present positions, and return self."""
+        self._call("evaluate()", self._solver.evaluate)
+        return self
+
+    def neighbors(self, i: int) -> Array:
+        """Return the indices of the neighbours of particle i, as the solver lists them."""
+        found = self._call(f"neighbors({i})", lambda: list(self._solver.neighbors(i)))
+        try:
+            return np.array(found, dtype=int).reshape(-1)
+        except (TypeError, ValueError):
+            raise Misfit(f"neighbors({i}): expected indices, got {found!r:.60}") from None
+
+    def _array(self, name: str, dimensions: int) -> Array:
+        n = self.case.n
+        wanted = (n, 2) if dimensions == 2 else (n,)
+        if not hasattr(self._solver, name):
+            raise Misfit(f"the solver has no attribute {name}")
+        value = self._call(name, lambda: getattr(self._solver, name))
+        try:
+            array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise Misfit(f"{name}: expected numbers {wanted}, got {value!r:.60}") from None
+        if dimensions == 1 and array.shape == (n, 1):
+            array = array[:, 0]
+        if array.shape != wanted:
+            raise Misfit(
+                f"{name}: expected the shape {wanted}, one row a particle of case.x, got "
+                f"{array.shape}" + (f" after {self.n_steps} steps" if self.n_steps else "")
+            )
+        return array
+
+    def _call(self, name: str, call: Callable[[], Any]) -> Any:
+        limit = min(CALL_LIMIT, max(self._deadline - time.monotonic(), 1.0) + CALL_LIMIT / 2)
+        try:
+            with _time_limit(limit), warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")
+                return call()
+        except _Alarm:
+            raise Hang(f"{name} did not return within {limit:.0f} s") from None
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:  # also SystemExit, which no solver may use to leave
+            if isinstance(error, Misfit | Crash | Hang | TooSlow):
+                raise
+            where = _place(error)
+            text = f"{type(error).__name__}: {error}".strip().rstrip(":")
+            raise Crash(f"{name} raised {text[:200]}{where}") from error
+
+
+def _place(error: BaseException) -> str:
+    """Return the file and line of the solver in which an exception was raised."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is None:
+        return ""
+    code = trace.tb_frame.f_code
+    return f" ({code.co_filename.rsplit('/', 1)[-1]}, line {trace.tb_lineno})"
+
+
+@contextmanager
+def _time_limit(seconds: float) -> Iterator[None]:
+    """Raise _Alarm inside the block after so many seconds; only in the main thread of POSIX."""
+    if threading.current_thread() is not threading.main_thread() or not hasattr(
+        signal, "setitimer"
+    ):
+        yield
+        return
+
+    def ring(*_: Any) -> None:
+        raise _Alarm
+
+    before = signal.signal(signal.SIGALRM, ring)
+    outer, _ = signal.setitimer(signal.ITIMER_REAL, seconds)
+    started = time.monotonic()
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+        if outer:
+            signal.setitimer(signal.ITIMER_REAL, max(outer - (time.monotonic() - started), 1e-3))

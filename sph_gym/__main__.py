@@ -1,4 +1,4 @@
-"""Command line: `python -m sph_gym run | study | recommend | docs | manifest`."""
+"""Command line: `python -m sph_gym run | doctor | study | recommend | docs | manifest`."""
 
 import argparse
 import sys
@@ -39,9 +39,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m sph_gym", description=__doc__)
-    names = "run | study | recommend | docs | manifest"
+    names = "run | doctor | study | recommend | docs | manifest"
     commands = parser.add_subparsers(required=True, metavar=names)
-    for add in (_add_run, _add_study, _add_recommend, _add_docs, _add_manifest):
+    for add in (_add_run, _add_doctor, _add_study, _add_recommend, _add_docs, _add_manifest):
         add(commands)
     return parser
 
@@ -107,6 +107,43 @@ def _assignment(text: str) -> tuple[str, Any]:
         return name, int(value) if value.isdecimal() else float(value)
     except ValueError:
         return name, value
+
+
+def _add_doctor(commands: Any) -> None:
+    doctor = commands.add_parser(
+        "doctor",
+        help="find the broken link of a solver: this one, your own, or a recording",
+        description="Run the checks of docs/playbook.md. Exit status: 0 healthy, 1 broken (the "
+        "last line names the link and the remedy), 2 wrong use.",
+    )
+    doctor.set_defaults(function=_doctor)
+    add = doctor.add_argument
+    text = "compare A B: two solvers on the same cases; each is MODULE:FACTORY, FILE.py:FACTORY, "
+    add("pair", nargs="*", metavar="compare A B", help=text + "grid, brute, float32 or plain")
+    add("--solver", default="", metavar="MODULE:FACTORY", help="your own; also FILE.py:FACTORY")
+    add("--scene", default="", help="this solver, with the settings of one of its scenes")
+    text = "frames of any solver: .npz, .h5, .pvd, .vtk, .vtu"
+    add("--recording", default="", metavar="PATH", help=text)
+    text = "a solver with this fault; all: every fault and the link that is found"
+    add("--fault", default="", metavar="NAME", help=text)
+    add("--skip", nargs="+", default=[], metavar="CHECK", help="checks to leave out")
+    add("--seed", type=int, default=0, help="of the random arrangements")
+    add("--json", default="", metavar="PATH", help="write the diagnosis there")
+    add("--html", default="", metavar="PATH", help="write it there as a page")
+    add("--list", action="store_true", help="what the checks do, and the faults")
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from sph_gym.doctor.command import Request, carry_out, list_checks
+
+    if options.list:
+        print(list_checks())
+        return 0
+    if options.pair and (len(options.pair) != 3 or options.pair[0] != "compare"):
+        raise ValueError(f"doctor: expected `compare A B`, got {' '.join(options.pair)}")
+    names = ("solver", "scene", "recording", "fault", "skip", "seed", "json", "html")
+    chosen = {name: getattr(options, name) for name in names}
+    return carry_out(Request(pair=options.pair[1:], **chosen))
 
 
 def _add_study(commands: Any) -> None:

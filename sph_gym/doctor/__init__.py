@@ -2,6 +2,8 @@
 
 from sph_gym.doctor.case import Case
 from sph_gym.doctor.checkup import check_solver
+from sph_gym.doctor.comparison import compare
 from sph_gym.doctor.diagnosis import Diagnosis, Result
+from sph_gym.doctor.testing import parametrize_with_checks
 
-__all__ = ["Case", "Diagnosis", "Result", "check_solver"]
+__all__ = ["Case", "Diagnosis", "Result", "check_solver", "compare", "parametrize_with_checks"]

@@ -1,9 +1,12 @@
 """Run the checks on a solver, in an order in which each builds on what was found sound."""
 
 import importlib
+import importlib.util
+import sys
 import time
 from collections.abc import Callable, Collection, Mapping
-from types import MappingProxyType
+from pathlib import Path
+from types import MappingProxyType, ModuleType
 
 import numpy as np
 
@@ -12,7 +15,7 @@ from sph_gym.doctor.diagnosis import BROKEN, LINKS, Diagnosis, Result
 from sph_gym.doctor.findings import Finding, inconclusive, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import CHECKS, Check
-from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, TooSlow
+from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, TooSlow, Unsupported
 from sph_gym.solver.checks import known
 
 # A check may take so long [s]; what is not done by then decides nothing.
@@ -89,6 +92,8 @@ class Checkup:
             return check.function(self._lab)
         except Misfit as error:
             return Finding("error", message=f"{error}", remedy=_UNFIT, link="setup")
+        except Unsupported as error:
+            return skipped(f"the solver does not support this case: {error}")
         except Crash as error:
             remedy = "Read the exception above; run the same case under a debugger."
             return Finding("error", message=f"{error}", remedy=remedy)
@@ -112,20 +117,40 @@ def _how(result: Result) -> str:
 
 
 def resolve(make: Factory | str) -> tuple[str, Factory]:
-    """Return the name of a factory and the factory, given as a function or "module:factory".
+    """Return the name of a factory and the factory itself.
 
+    make: a function, "module:factory", or "folder/file.py:factory", which is loaded by itself, so
+    that two versions of one file can be compared.
     Raises ValueError where there is none, and ImportError where the module can't be imported.
     """
-    if callable(make):
+    if not isinstance(make, str):
+        if not callable(make):
+            raise ValueError(f"make: expected a function or 'module:factory', got {make!r}")
         name = getattr(make, "__name__", type(make).__name__)
         return f"{getattr(make, '__module__', '')}:{name}", make
-    module, colon, name = str(make).partition(":")
-    if not (colon and module and name):
+    module, _, name = make.rpartition(":")
+    if not (module and name):
         raise ValueError(f"make: expected a function or 'module:factory', got {make!r}")
-    found = getattr(importlib.import_module(module), name, None)
+    found = getattr(_load(module), name, None)
     if not callable(found):
         raise ValueError(f"make: {module} has no function {name!r}")
-    return str(make), found
+    return make, found
+
+
+def _load(module: str) -> ModuleType:
+    if not module.endswith(".py"):
+        return importlib.import_module(module)
+    path = Path(module).resolve()
+    if not path.is_file():
+        raise ValueError(f"make: there is no file {module}")
+    # a name of its own: two versions of a file must not share one entry of sys.modules
+    spec = importlib.util.spec_from_file_location(f"doctor_{path.stem}_{abs(hash(path))}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    loaded = importlib.util.module_from_spec(spec)
+    sys.modules[loaded.__name__] = loaded
+    spec.loader.exec_module(loaded)
+    return loaded
 
 
 def check_solver(

@@ -1,7 +1,6 @@
 """What the doctor finds: the result of each check, and the first broken link."""
 
 import json
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -87,9 +86,11 @@ class Diagnosis:
             return f"healthy: {done} checks passed"
         return f"broken: {self.link} ({self.first.check}). {self.first.remedy}"
 
-    def count(self, status: str) -> int:
-        """Return how many results have this status."""
-        return sum(each.status == status for each in self.results)
+    @property
+    def counts(self) -> str:
+        """Return how many results have each status, as text."""
+        numbers = {s: sum(each.status == s for each in self.results) for s in STATUSES}
+        return ", ".join(f"{n} {status}" for status, n in numbers.items() if n)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, for JSON."""
@@ -108,9 +109,9 @@ class Diagnosis:
         return json.dumps(self.to_dict(), indent=1)
 
     def __str__(self) -> str:
-        lines = [_row(each) for each in self.results]
+        lines = [row(each) for each in self.results]
         lines += [f"note: {note}" for note in self.notes]
-        return "\n".join([*lines, *_counts(self), self.verdict])
+        return "\n".join([*lines, self.counts, self.verdict])
 
 
 def shown(value: float | str) -> str:
@@ -118,7 +119,8 @@ def shown(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:.4g}"
 
 
-def _row(result: Result) -> str:
+def row(result: Result) -> str:
+    """Return a result as one line of a table."""
     head = f"{result.status:<12} {result.link:<11} {result.check:<28}"
     if result.status in ("blocked", "skip"):
         return f"{head} {result.message}"
@@ -130,8 +132,3 @@ def _row(result: Result) -> str:
         if result.status != "pass":
             numbers += f": {result.message}"
     return f"{head} {numbers}".rstrip()
-
-
-def _counts(diagnosis: Diagnosis) -> Iterable[str]:
-    counts = {status: diagnosis.count(status) for status in STATUSES}
-    yield ", ".join(f"{n} {status}" for status, n in counts.items() if n)

@@ -26,6 +26,10 @@ class Crash(Exception):
     """The solver raised an exception."""
 
 
+class Unsupported(Exception):
+    """The solver's make raised NotImplementedError: it has nothing for this kind of case."""
+
+
 class Hang(Exception):
     """A call into the solver did not return."""
 
@@ -41,7 +45,7 @@ class _Alarm(BaseException):
 class Subject:
     """A solver that was made for one case.
 
-    All arrays are returned as float64 copies. Raises Misfit, Crash or Hang.
+    All arrays are returned as float64 copies. Raises Misfit, Crash, Hang or Unsupported.
     """
 
     def __init__(self, factory: Factory, case: Case, deadline: float = float("inf")) -> None:
@@ -135,6 +139,8 @@ class Subject:
             raise Hang(f"{name} did not return within {limit:.0f} s") from None
         except (KeyboardInterrupt, GeneratorExit):
             raise
+        except NotImplementedError as error:
+            raise Unsupported(f"{name}: {error}".strip(" :")) from error
         except BaseException as error:  # also SystemExit, which no solver may use to leave
             if isinstance(error, Misfit | Crash | Hang | TooSlow):
                 raise

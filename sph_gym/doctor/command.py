@@ -1,0 +1,141 @@
+"""What `python -m sph_gym doctor` does: examine, print as it goes, write pages."""
+
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from sph_gym.doctor.checkup import check_solver
+from sph_gym.doctor.comparison import compare
+from sph_gym.doctor.diagnosis import Diagnosis, Result, row
+from sph_gym.doctor.registry import CHECKS
+from sph_gym.doctor.report import write_page
+from sph_gym.files import atomic_write
+from sph_gym.solver.checks import known
+
+WIDTH = 100
+
+
+class Request(NamedTuple):
+    """What is to be examined: exactly one of the first five, or nothing for this solver.
+
+    solver: "module:factory"; scene: a name; recording: a path; fault: a name of `faults.FAULTS`,
+    or "all"; pair: two solvers to compare; skip: checks to leave out; json, html: where to write
+    the diagnosis, "" for nowhere.
+    """
+
+    solver: str = ""
+    scene: str = ""
+    recording: str = ""
+    fault: str = ""
+    pair: Sequence[str] = ()
+    skip: Sequence[str] = ()
+    seed: int = 0
+    json: str = ""
+    html: str = ""
+
+
+def list_checks() -> str:
+    """Return the checks by name, link and what they do, as text."""
+    lines = []
+    for check in CHECKS.values():
+        step = f"step {check.step}" if check.step else ""
+        lines.append(f"{check.link:<12}{check.name:<26}{step:<8}{check.summary}")
+    return "\n".join(lines)
+
+
+def carry_out(request: Request) -> int:
+    """Examine what is asked for, print the outcome, and return the exit status: 0 healthy, 1 not.
+
+    Raises ValueError for unknown names, and if more than one thing is to be examined.
+    """
+    asked = [name for name in ("solver", "scene", "recording", "fault", "pair") if
+             getattr(request, name)]  # fmt: skip
+    if len(asked) > 1:
+        raise ValueError(f"doctor: expected one of {', '.join(asked)}, got {len(asked)}")
+    if request.fault == "all":
+        from sph_gym.doctor.matrix import measure, show
+
+        return show(measure())
+    diagnosis = _EXAMINATIONS[asked[0] if asked else "scene"](request)
+    if request.json:
+        _write(request.json, diagnosis.to_json() + "\n")
+    if request.html:
+        write_page(diagnosis, request.html)
+    print(_ending(diagnosis))
+    return 0 if diagnosis.ok else 1
+
+
+def _examine(make: object, request: Request) -> Diagnosis:
+    sys.path.insert(0, "")  # modules of the user's folder, as `python -m` finds them
+    return check_solver(
+        make,  # type: ignore[arg-type]
+        request.skip,
+        seed=request.seed,
+        callback=lambda result: print(row(result), flush=True),
+    )
+
+
+def _solver(request: Request) -> Diagnosis:
+    return _examine(request.solver, request)
+
+
+def _scene(request: Request) -> Diagnosis:
+    from sph_gym.doctor.here import here, of_scene
+
+    return _examine(of_scene(request.scene) if request.scene else here(), request)
+
+
+def _fault(request: Request) -> Diagnosis:
+    from sph_gym.doctor.faults import FAULTS
+
+    return _examine(FAULTS[known("fault", request.fault, FAULTS)].make, request)
+
+
+def _recording(request: Request) -> Diagnosis:
+    from sph_gym.doctor.recordings import check_recording
+
+    diagnosis = check_recording(request.recording)
+    print(*map(row, diagnosis.results), sep="\n")
+    return diagnosis
+
+
+def _pair(request: Request) -> Diagnosis:
+    from sph_gym.doctor.here import short_name
+
+    a, b = (short_name(each) for each in request.pair)
+    diagnosis = compare(a, b, request.seed)
+    print(*map(row, diagnosis.results), sep="\n")
+    return diagnosis
+
+
+_EXAMINATIONS: dict[str, Callable[[Request], Diagnosis]] = {
+    "solver": _solver,
+    "scene": _scene,
+    "recording": _recording,
+    "fault": _fault,
+    "pair": _pair,
+}
+
+
+def _ending(diagnosis: Diagnosis) -> str:
+    """Return what stands below the rows: each broken link in full, and the verdict last."""
+    broken = [each for each in diagnosis.results if each.broken]
+    parts = [_paragraph(each) for each in broken]
+    parts += [f"note: {note}" for note in diagnosis.notes]
+    parts.append(diagnosis.counts)
+    return "\n".join(["", *parts, diagnosis.verdict])
+
+
+def _paragraph(result: Result) -> str:
+    head = f"{result.link}: {result.check}" + (f" (step {result.step})" if result.step else "")
+    lines = [head]
+    for text in (result.message, result.remedy):
+        lines += textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="  ")
+    return "\n".join([*lines, ""])
+
+
+def _write(path: str, text: str) -> None:
+    with atomic_write(Path(path)) as draft:
+        draft.write_text(text, encoding="utf-8")

@@ -1,0 +1,71 @@
+"""The checks as tests of somebody else's suite, by pytest.
+
+from sph_gym.doctor import parametrize_with_checks
+
+@parametrize_with_checks([make], expected_failed_checks={"coincident": "not guarded yet"})
+def test_solver(make, check):
+    check(make)
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from sph_gym.doctor import checks as _checks  # noqa: F401  (fills CHECKS)
+from sph_gym.doctor.checkup import Checkup
+from sph_gym.doctor.registry import CHECKS
+from sph_gym.doctor.subject import Factory
+
+
+class SolverTest:
+    """One check of one solver; call it with the factory inside a test.
+
+    Checks of one solver share what they have measured, so that each is done once; one that builds
+    on a broken link is skipped as blocked instead of failing again.
+    """
+
+    def __init__(self, name: str, checkup: Checkup) -> None:
+        self.name, self._checkup = name, checkup
+
+    def __call__(self, make: Factory | str) -> None:
+        """Do the check; raise AssertionError with all that was found if it fails.
+
+        Tests whose check is blocked, skipped or inconclusive are skipped, with the reason.
+        """
+        import pytest
+
+        result = self._checkup.result(self.name)
+        if result.broken:
+            raise AssertionError(
+                f"{result.link}: {result.message}\nmeasured {result.measured}, expected "
+                f"{result.expected} {result.unit}\n{result.remedy}"
+            )
+        if result.status == "xfail":
+            pytest.xfail(result.message)
+        if result.status != "pass":
+            pytest.skip(f"{result.status}: {result.message}")
+
+
+def parametrize_with_checks(
+    makes: Sequence[Factory | str],
+    skip: Collection[str] = (),
+    expected_failed_checks: Mapping[str, str] = MappingProxyType({}),
+    seed: int = 0,
+) -> Any:
+    """Return a decorator that runs a test with each solver and each check.
+
+    makes: factories as for `check_solver`, as are the other arguments. The decorated test takes
+    the arguments `make` and `check` and calls `check(make)`. Its ids read `factory-check`.
+
+    Raises ValueError as `check_solver` does, and ImportError if pytest is missing.
+    """
+    import pytest
+
+    parameters = []
+    for make in makes:
+        checkup = Checkup(make, skip, expected_failed_checks, seed)
+        title = checkup.name.rpartition(":")[2] or checkup.name
+        for name in CHECKS:
+            test = SolverTest(name, checkup)
+            parameters.append(pytest.param(make, test, id=f"{title}-{name}"))
+    return pytest.mark.parametrize(("make", "check"), parameters)

@@ -48,8 +48,8 @@ class Checkup:
         """Return the result of one check, done now if it wasn't before, as is what it needs."""
         check = CHECKS[known("check", name, CHECKS)]
         if name not in self.results:
-            for other in check.needs:
-                self.result(other)
+            for needed in check.needs:
+                self.result(needed)
             if check.last:
                 for other in CHECKS.values():
                     if not other.last:

@@ -10,8 +10,10 @@ from sph_gym.doctor.case import Array, Case
 from sph_gym.doctor.subject import Factory
 from sph_gym.solver.checks import known
 from sph_gym.solver.geometry import LAYERS, lattice
+from sph_gym.solver.integrators import INTEGRATORS
+from sph_gym.solver.kernels import ALL_KERNELS
 from sph_gym.solver.scene import Effects, Fluid, Scene
-from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.simulation import DTYPES, NEIGHBORS, Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.solver.walls import Walls
 
@@ -64,7 +66,7 @@ class Here:
         report = self.sim.advance(dt)
         if report.diverged:
             raise RuntimeError(
-                f"blow-up: {report.cause}; broken link {report.link}, particle {report.bad_particle}"
+                f"blow-up at particle {report.bad_particle}: {report.cause}, link {report.link}"
             )
 
 
@@ -82,8 +84,12 @@ def here(
     the box as mirrors, "box", or boundary particles, "like fluid" or "extrapolated"; dtype,
     neighbors: as in `Simulation`. Raises ValueError for unknown names.
     """
+    known("kernel", kernel, ALL_KERNELS)
     known("density", density, DENSITIES)
     known("walls", walls, WALLS)
+    known("integrator", integrator, INTEGRATORS)
+    known("dtype", dtype, DTYPES)
+    known("neighbors", neighbors, NEIGHBORS)
 
     def make(case: Case) -> Here:
         """Return this solver, set up for a case."""

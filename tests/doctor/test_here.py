@@ -44,7 +44,7 @@ def test_names_and_scenes():
             here(**wrong)
     assert short_name("somebody:make") == "somebody:make"
     assert callable(short_name("brute"))
-    with pytest.raises(ValueError, match="known"):
+    with pytest.raises(ValueError, match="nowhere"):
         of_scene("nowhere")
 
 

@@ -2,5 +2,6 @@
 
 from sph_gym.doctor.checks import setup  # isort: skip
 from sph_gym.doctor.checks import neighbours, places, sums, meetings  # isort: skip
+from sph_gym.doctor.checks import viscosity, xsph  # isort: skip
 
-__all__ = ["meetings", "neighbours", "places", "setup", "sums"]
+__all__ = ["meetings", "neighbours", "places", "setup", "sums", "viscosity", "xsph"]

@@ -22,6 +22,7 @@ from sph_gym.extras import progress_bar
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import KERNELS, WRONG_KERNELS
 from sph_gym.solver.simulation import DTYPES, NEIGHBORS
+from sph_gym.studies import playbook
 from sph_gym.studies.picture import new_figure, save
 from sph_gym.studies.table import Row
 
@@ -103,8 +104,9 @@ def shares(outcomes: Sequence[Outcome], tier: str) -> Iterator[Row]:
 
 
 def finish(rows: list[Row], path: Path) -> None:
-    """Draw which link was found for each fault, a panel for what solvers show."""
-    print(f"picture: {draw(rows, path)}")
+    """Draw which link was found for each fault, and the pictures of docs/playbook.md."""
+    for drawn in (draw(rows, path), *playbook.draw(path.parent)):
+        print(f"picture: {drawn}")
 
 
 def draw(rows: Sequence[Row], path: Path) -> Path:

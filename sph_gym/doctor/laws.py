@@ -33,17 +33,19 @@ class Kernel(NamedTuple):
 
 
 def _above(a: float, q: Array, power: int) -> Array:
-    return np.maximum(a - q, 0.0) ** power
+    return np.asarray(np.maximum(a - q, 0.0) ** power, dtype=np.float64)
 
 
 def _polynomial(factor: float, power: int, *coefficients: float) -> Shape:
     """Return q -> factor (1 - q)^power (c0 + c1 q + c2 q^2 + ...)."""
-    return lambda q: factor / np.pi * _above(1, q, power) * np.polyval(coefficients[::-1], q)
+    return lambda q: np.asarray(
+        factor / np.pi * _above(1, q, power) * np.polyval(coefficients[::-1], q)
+    )
 
 
 def _spline(factor: float, power: int, knots: tuple[float, ...], *shares: float) -> Shape:
     """Return q -> factor * sum of share (knot - q)^power."""
-    return lambda q: (
+    return lambda q: np.asarray(
         factor / np.pi * sum(s * _above(k, q, power) for k, s in zip(knots, shares, strict=True))
     )
 
@@ -190,7 +192,7 @@ class Weights(NamedTuple):
 
     def __call__(self, r: Array) -> Array:
         """Return m W(r) for distances r > 0 [m] in a case with these settings."""
-        q = np.asarray(r) / self.settings["h"]
+        q = np.minimum(np.asarray(r) / self.settings["h"], 2.0)
         if self.found.kernel:
             return self.found.factor * self.found.kernel.weight(q)
         return np.interp(q, [*self.q, 1.0], [*self.values, 0.0], right=0.0)

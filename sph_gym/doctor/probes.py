@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, GAMMA, RHO0, SUPPORT, Array, Case, case
-from sph_gym.doctor.lab import Fields, Lab
+from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.subject import Crash, Subject
 
 # Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
 # times as large as those at rest, and even then a step is to move nobody by more than 1e-5 h.
 STILL = 1e-6
+# Of pairs that approach each other: their speed in c0, the time step in h / c0.
+CLOSING, MOMENT = 0.1, 0.004
 # Distances of pairs in support radii: dense where kernels differ, and some beyond the support.
 DISTANCES = np.array([*np.linspace(0.03, 0.98, 24), 1.03, 1.2, 1.5, 1.9])
 # Between pairs, in support radii; a kernel of twice the support must not join two of them.
@@ -23,21 +25,28 @@ _N_LONELY = 2
 _GOLDEN = np.pi * (3 - 5**0.5)
 
 
-class Pairs(NamedTuple):
-    """What a solver shows of pairs, each alone in empty space.
+class Seen(NamedTuple):
+    """What was seen of a solver: rho, p (n,) and a (n, 2); NaN for rho and p if not shown."""
 
-    q: (k,) distances in support radii; rho, p: (k, 2) of both partners, None if not shown;
-    push: (k, 2) accelerations of both, positive away from the partner [m/s^2]; across: the same
-    at right angles; lone: (m,) densities of particles without a partner, None if not shown.
+    rho: Array
+    p: Array
+    a: Array
+
+
+class Pairs(NamedTuple):
+    """What was seen of pairs, each alone in empty space; NaN for what isn't shown.
+
+    q: (k,) distances in support radii; rho, p: (k, 2) of both partners; push: (k, 2) accelerations
+    of both, positive away from the partner [m/s^2]; closing: (k,) speeds at which they approach
+    each other [m/s]; lone: density of a particle without a partner.
     """
 
-    case: Case
     q: Array
-    rho: Array | None
-    p: Array | None
+    rho: Array
+    p: Array
     push: Array
-    across: Array
-    lone: Array | None
+    closing: Array
+    lone: float
 
 
 def fluid(h: float, ratio: float = SUPPORT, c0: float = C0) -> dict[str, float]:
@@ -74,72 +83,88 @@ def pairs_case(q: Array, speed: float = 0.0, **settings: float) -> Case:
     return case(x, v, **settings)
 
 
-def settle(subject: Subject, lab: Lab, still: float) -> None:
-    """Have a solver renew rho, p and a at its positions; twice, for one that lags behind."""
+def look(subject: Subject, lab: Lab) -> Seen:
+    """Return rho, p and a at the solver's present positions."""
+    still = STILL * subject.case.h / subject.case.c0
     if "evaluate" in lab.shown:
+        # twice, for a solver whose pressures lag behind
         subject.evaluate().evaluate()
     else:
         subject.step(still, 3)
+    rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
+    if "a" in lab.shown:
+        return Seen(rho, p, subject.get("a"))
+    if "evaluate" in lab.shown:
+        subject.step(still)
+    return Seen(rho, p, _change(subject, still, 2))
 
 
-def look(subject: Subject, lab: Lab) -> Fields:
-    """Return rho, p and a that a solver shows now; a from two short steps if it isn't shown."""
-    still = STILL * subject.case.h / subject.case.c0
-    settle(subject, lab, still)
-    rho, p, a = (subject.get(name) if name in lab.shown else None for name in ("rho", "p", "a"))
-    if a is None:
-        if "evaluate" in lab.shown:
-            subject.step(still)
-        before = subject.v
-        a = (subject.step(still, 2).v - before) / (2 * still)
-    return Fields(rho, p, a)
+def _shown(subject: Subject, lab: Lab, name: str) -> Array:
+    return subject.get(name) if name in lab.shown else np.full(subject.case.n, np.nan)
 
 
-def fields(lab: Lab, start: Case) -> Fields:
-    """Return rho, p and a of a new solver at the case's positions; a is never None."""
+def _change(subject: Subject, dt: float, n_steps: int = 1) -> Array:
+    before = subject.v
+    return (subject.step(dt, n_steps).v - before) / (n_steps * dt)
+
+
+def fields(lab: Lab, start: Case) -> Seen:
+    """Return rho, p and a of a new solver at the case's positions."""
     return look(lab.make(start), lab)
 
 
-def _pairs(start: Case, q: Array, x: Array, found: Fields) -> Pairs:
-    n = len(q)
-    assert found.a is not None
+def passing(subject: Subject, lab: Lab, dt: float) -> Seen:
+    """Return rho, p and a as they were at the last evaluation of a solver in motion."""
+    rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
+    a = subject.get("a") if "a" in lab.shown else _change(subject, dt)
+    return Seen(rho, p, a)
+
+
+def _pairs(x: Array, v: Array, seen: Seen, n: int, h: float) -> Pairs:
     d = x[:n] - x[n : 2 * n]
-    along = d / np.linalg.norm(d, axis=1)[:, None]
-    first, second = found.a[:n], found.a[n : 2 * n]
-    push = np.stack([(first * along).sum(1), -(second * along).sum(1)], axis=1)
-    turned = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    across = np.stack([(first * turned).sum(1), -(second * turned).sum(1)], axis=1)
-    rho, p = (None if f is None else f[: 2 * n].reshape(2, n).T for f in (found.rho, found.p))
-    lone = None if found.rho is None else found.rho[2 * n :]
-    distance = np.linalg.norm(d, axis=1) / start.h
-    return Pairs(start, distance, rho, p, push, across, lone)
+    r = np.linalg.norm(d, axis=1)
+    along = d / r[:, None]
+    push = [(seen.a[:n] * along).sum(axis=1), -(seen.a[n : 2 * n] * along).sum(axis=1)]
+    rho, p = (values[: 2 * n].reshape(2, n).T for values in (seen.rho, seen.p))
+    closing = -((v[:n] - v[n : 2 * n]) * along).sum(axis=1)
+    lone = float(seen.rho[2 * n :].mean())
+    return Pairs(r / h, rho, p, np.stack(push, axis=1), closing, lone)
 
 
 def pairs(lab: Lab, q: Array, **settings: float) -> Pairs:
     """Return what a new solver shows of pairs at rest at the distances q h."""
     start = pairs_case(q, **settings)
-    return _pairs(start, q, start.x, fields(lab, start))
+    return _pairs(start.x, start.v, fields(lab, start), len(q), start.h)
+
+
+def triangles(lab: Lab, q: Array, **settings: float) -> Pairs:
+    """Return what is seen of equilateral triangles of sides q h, told as if they were pairs.
+
+    In each, two neighbours make the density; `push` is the share that one of them has.
+    """
+    h, n = settings["h"], len(q)
+    corners = np.array([(np.cos(t), np.sin(t)) for t in 2 * np.pi / 3 * np.arange(3) + 0.4])
+    places = spread(n + _N_LONELY, h)
+    x = places[:n, None] + corners * (q[:, None, None] * h / 3**0.5)
+    seen = fields(lab, case([*x.reshape(-1, 2), *places[n:]], **settings))
+    out = (seen.a[: 3 * n].reshape(n, 3, 2) * corners).sum(axis=2) / 3**0.5
+    rho, p = (values[: 3 * n].reshape(n, 3) for values in (seen.rho, seen.p))
+    return Pairs(q, rho, p, out, np.zeros(n), float(seen.rho[3 * n :].mean()))
 
 
 def closing(lab: Lab, q: Array, moments: tuple[int, ...], **settings: float) -> list[Pairs]:
     """Return what a solver shows of pairs that approach each other, after so many steps.
 
-    In 30 steps they come nearer by 0.006 h: densities by continuity rise by some percent.
+    In 25 steps they come nearer by 0.01 h: densities by continuity rise by some percent. It takes
+    a tenth of h / c0, before they rebound.
     """
-    start = pairs_case(q, speed=0.02, **settings)
-    subject, dt, seen = lab.make(start), 0.01 * start.h / start.c0, []
+    start = pairs_case(q, speed=CLOSING, **settings)
+    subject, dt, seen = lab.make(start), MOMENT * start.h / start.c0, []
     for moment in moments:
         subject.step(dt, moment - subject.n_steps)
-        seen.append(_pairs(start, q, subject.x, _moving(subject, lab, dt)))
+        x, v = subject.x, subject.v
+        seen.append(_pairs(x, v, passing(subject, lab, dt), len(q), start.h))
     return seen
-
-
-def _moving(subject: Subject, lab: Lab, dt: float) -> Fields:
-    rho, p, a = (subject.get(name) if name in lab.shown else None for name in ("rho", "p", "a"))
-    if a is None:
-        before = subject.v
-        a = (subject.step(dt).v - before) / dt
-    return Fields(rho, p, a)
 
 
 def squeezing(lab: Lab) -> float | None:
@@ -181,7 +206,7 @@ def groups(shapes: list[Array], h: float) -> Array:
     return np.stack(shapes) + spread(len(shapes), h)[:, None] + 0.71 * h
 
 
-def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Fields]:
+def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Seen]:
     """Return positions (n groups, n, 2), and rho, p and a, of groups that are under pressure.
 
     x: (n groups, n, 2). Groups at rest are looked at first; where nothing pushes, as densities by
@@ -189,12 +214,12 @@ def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Fields]:
     """
     n_groups, n, _ = x.shape
     found = fields(lab, case(x, **settings))
-    assert found.a is not None
     h, c0 = settings["h"], settings["c0"]
     if np.abs(found.a).max() > 1e-4 * c0**2 / h:
         return x, found
-    v = -0.1 * c0 / h * (x - x.mean(axis=1, keepdims=True))
-    subject = lab.make(case(x, v.reshape(-1, 2), **settings)).step(0.01 * h / c0, 30)
+    v = -0.5 * c0 / h * (x - x.mean(axis=1, keepdims=True))
+    dt = MOMENT * h / c0
+    subject = lab.make(case(x, v.reshape(-1, 2), **settings)).step(dt, 15)
     # the accelerations are those of the last evaluation, a step ago at most
     where = subject.x.reshape(n_groups, n, 2)
-    return where, _moving(subject, lab, 0.01 * h / c0)
+    return where, passing(subject, lab, dt)

@@ -76,8 +76,7 @@ def kernel(lab: Lab) -> Finding:
     if table is None:
         return _by_continuity(lab)
     lab.facts["density"] = "summation"
-    assert table.rho is not None and table.lone is not None
-    own, top = float(table.lone.mean()), float(table.rho.max())
+    own, top = table.lone, float(table.rho.max())
     values = table.rho - own
     half = len(DISTANCES)
     here, there = values[:half].mean(axis=1), values[half:].mean(axis=1)
@@ -97,8 +96,7 @@ def kernel(lab: Lab) -> Finding:
 def _reacting(lab: Lab, ratio: float) -> Pairs | None:
     """Return what densities of pairs are, None if they are that of a lone particle."""
     table = pairs(lab, np.tile(DISTANCES, 2), **fluid(H, ratio))
-    assert table.rho is not None and table.lone is not None
-    own = float(table.lone.mean())
+    own = table.lone
     return table if np.abs(table.rho - own).max() > 1e-4 * abs(own) else None
 
 
@@ -175,14 +173,17 @@ def _own_share(weights: Weights) -> Finding | None:
 def _by_continuity(lab: Lab) -> Finding:
     """Return a finding on densities that don't depend on positions."""
     settings = fluid(H)
-    early, late = closing(lab, DISTANCES, (10, 40), **settings)
-    assert early.rho is not None and late.rho is not None and late.lone is not None
-    rise = (late.rho - early.rho).mean(axis=1)
-    nearer = early.q - late.q
-    if np.abs(rise).max() < 1e-5 * np.abs(late.rho).max() or nearer.min() <= 0:
-        return _deaf(lab, float(late.lone.mean()))
+    early, late = closing(lab, DISTANCES, (2, 8), **settings)
+    both, nearer = late.rho - early.rho, early.q - late.q
+    rise = both.mean(axis=1)
+    if np.abs(rise).max() < 1e-5 * np.abs(late.rho).max():
+        return _deaf(lab, late.lone)
     lab.facts["density"] = "continuity"
-    middle, slopes = (early.q + late.q) / 2, rise / nearer
+    one_sided = np.abs(both[:, 0] - both[:, 1])
+    if one_sided.max() > 0.05 * np.abs(both).max():
+        return _uneven(early.q, one_sided, np.zeros(len(rise)), 0.05 * np.abs(both).max())
+    moved = np.abs(nearer) > 0.1 * np.abs(nearer).max()
+    middle, slopes = ((early.q + late.q) / 2)[moved], (rise / np.where(moved, nearer, 1.0))[moved]
     found = match(middle, slopes, "slope", alike=0.03)
     if slopes[np.argmax(np.abs(slopes))] < 0:
         return failed(
@@ -199,6 +200,14 @@ def _by_continuity(lab: Lab) -> Finding:
             _SUPPORT,
             f"to r = {middle[far].max():.2f} h",
             "not beyond h",
+        )
+    near = (middle > 0.65) & (middle < 0.76)
+    if near.any() and np.abs(slopes[near]).max() < 1e-4 * np.abs(slopes).max():
+        return failed(
+            "pairs nearer than case.h don't change each other's density",
+            _SUPPORT,
+            f"none from r = {middle[near].min():.2f} h on",
+            "up to h",
         )
     return _slopes_mass(lab, middle, slopes, found)
 
@@ -306,7 +315,6 @@ def _inside(lab: Lab, h: float) -> tuple[float, float | None]:
     x = lattice(11, 11, settings["dx"], center=(9.13 * h, 8.71 * h))
     inside = interior(x, h * 0.999)
     rho = fields(lab, case([*x, (30.3 * h, 9.0 * h)], **settings)).rho
-    assert rho is not None
     share = float(np.median(rho[:-1][inside])) / RHO0
     weights = lab.facts.get("weight")
     if not isinstance(weights, Weights) or weights.settings != settings:

@@ -8,13 +8,11 @@ from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import KERNELS, Kernel, Match, integral, match
-from sph_gym.doctor.probes import DISTANCES, closing, fluid, pairs, squeezing
+from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing
 from sph_gym.doctor.registry import check
 
 H = SUPPORT * DX
 TAIT = RHO0 * C0**2 / GAMMA
-# The slope of poly6 peaks at 0.447 h, those of sound kernels at 0.36 h or below.
-_LATE_PEAK = 0.42
 _PAIRING = (
     "Use a kernel whose slope stays strong at short distance, such as the spiky one, -30/(pi h^5) "
     "(h - r)^2, for the pressure force; poly6 is for densities only."
@@ -43,11 +41,11 @@ def force_kernel(lab: Lab) -> Finding:
     slope = None if ratio is None else measure(lab, H, ratio)
     if slope is None or ratio is None:
         return inconclusive("no pairs could be brought under pressure")
-    if _merges(slope):
+    if slope.found.kernel and slope.found.kernel.pairing:
         return failed(
             "pairs under pressure hardly repel each other when close: they will pair up",
             _PAIRING,
-            f"{slope.found.name or 'unknown kernel'}, strongest at r = {_peak(slope):.2f} h",
+            f"{slope.found.name}, strongest at r = {_peak(slope):.2f} h",
             "strongest below 0.4 h",
         )
     beyond = (slope.q > 1.0) & (np.abs(slope.values) > 1e-2 * np.abs(slope.values).max())
@@ -65,23 +63,32 @@ def measure(lab: Lab, h: float, ratio: float) -> Slope | None:
     """Return the slope of the force's kernel, None if pairs are under no pressure."""
     settings = fluid(h, ratio)
     found = pairs(lab, DISTANCES, **settings)
-    assert found.rho is not None and found.p is not None and found.lone is not None
     if np.ptp(found.rho) > 1e-4 * np.abs(found.rho).max():
-        weight = found.rho.mean(axis=1) - found.lone.mean()
+        weight = found.rho.mean(axis=1) - found.lone
         density = match(found.q, weight, "weight")
         mass = density.factor if density.kernel else integral(found.q, weight)
         load, push, q = 2 * (found.p / found.rho**2).mean(axis=1), found.push.mean(axis=1), found.q
     else:
-        early, late = closing(lab, DISTANCES, (10, 40), **settings)
-        assert early.rho is not None and late.rho is not None
-        assert early.p is not None and late.p is not None
-        q = (early.q + late.q) / 2
-        slopes = (late.rho - early.rho).mean(axis=1) / (early.q - late.q)
-        density = match(q, slopes, "slope", alike=0.03)
+        seen = closing(lab, DISTANCES, (2, 8, 14, 20, 26), **settings)
+        early, late = seen[0], seen[-1]
+        q = seen[3].q
+        slopes = (seen[1].rho - early.rho).mean(axis=1) / (early.q - seen[1].q)
+        density = match(seen[1].q, slopes, "slope", alike=0.03)
         mass = density.factor if density.kernel else integral(q, slopes * q) / 2
-        load = 2 * (late.p / late.rho**2 - early.p / early.rho**2).mean(axis=1)
-        push = (late.push - early.push).mean(axis=1)
+        push, load = _without_friction(seen), 2 * (late.p / late.rho**2).mean(axis=1)
+        push = push * load
     return _slope(q, push, load, mass, density, h)
+
+
+def _without_friction(seen: list[Pairs]) -> Array:
+    """Return d push / d load (k,) of pairs in motion, whatever friction goes with their speed."""
+    push = np.array([each.push.mean(axis=1) for each in seen]).T
+    load = np.array([2 * (each.p / each.rho**2).mean(axis=1) for each in seen]).T
+    speed = np.array([each.closing for each in seen]).T
+    columns = np.stack([load, speed], axis=2)
+    return np.array(
+        [np.linalg.lstsq(c, each, rcond=None)[0][0] for c, each in zip(columns, push, strict=True)]
+    )
 
 
 def _slope(
@@ -102,14 +109,6 @@ def _slope(
 
 def _peak(slope: Slope) -> float:
     return float(slope.q[np.argmax(np.abs(slope.values))])
-
-
-def _merges(slope: Slope) -> bool:
-    if slope.found.kernel:
-        return slope.found.kernel.pairing
-    close = np.abs(slope.values[slope.q < 0.1])
-    weak = close.size > 0 and close.max() < 0.4 * np.abs(slope.values).max()
-    return weak and _peak(slope) > _LATE_PEAK
 
 
 def _constant(lab: Lab, slope: Slope, ratio: float) -> Finding:
@@ -137,7 +136,7 @@ def factor_cause(
     """Return the link and the cause of a force that is `share` times as large as it should be.
 
     small: the same at half of the support h [m]; kernel: of the force. ("", "") if the factor is
-    no known one and within a third of a right one.
+    no known one and within 15 % of a right one.
     """
     solid = {"3D force": kernel.solid / h}
     if density.kernel:
@@ -159,7 +158,7 @@ def factor_cause(
         )
     if abs(share / 2 - 1) < 0.06:
         return "force", "The force counts twice: each pair is visited twice, or a 2 is too much."
-    if 0.33 < share < 1.5:
+    if any(abs(share / form - 1) < 0.15 for form in (1.0, 0.5)):
         return "", ""
     return "force", f"The constant is off by a factor of {share:.3g}: {_CONSTANT}"
 

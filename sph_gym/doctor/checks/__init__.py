@@ -1,6 +1,18 @@
 """The checks, imported in the order in which they are done."""
 
-from sph_gym.doctor.checks import setup  # isort: skip
+from sph_gym.doctor.checks import setup, density  # isort: skip
 from sph_gym.doctor.checks import neighbours, places, sums, meetings  # isort: skip
+from sph_gym.doctor.checks import pressure, force, pair_force, black_box  # isort: skip
 
-__all__ = ["meetings", "neighbours", "places", "setup", "sums"]
+__all__ = [
+    "black_box",
+    "density",
+    "force",
+    "meetings",
+    "neighbours",
+    "pair_force",
+    "places",
+    "pressure",
+    "setup",
+    "sums",
+]

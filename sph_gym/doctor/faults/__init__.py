@@ -1,0 +1,31 @@
+"""Solvers with a mistake each, by name: what the doctor has to find.
+
+Each overrides a method or two of `plain.Plain`, and says what it does instead. As a factory of the
+protocol: `make(name)`, or the text "sph_gym.doctor.faults:NAME".
+"""
+
+from typing import Any
+
+from sph_gym.doctor.faults import (  # noqa: F401  (fill FAULTS)
+    forces,
+    neighborhoods,
+    protocol,
+    states,
+    velocities,
+)
+from sph_gym.doctor.faults.registry import FAULTS, Fault
+from sph_gym.doctor.subject import Factory
+from sph_gym.solver.checks import known
+
+__all__ = ["FAULTS", "Fault", "make"]
+
+
+def make(name: str) -> Factory:
+    """Return the factory of a fault. Raises ValueError that lists the known ones."""
+    return FAULTS[known("fault", name, FAULTS)].make
+
+
+def __getattr__(name: str) -> Any:
+    if name in FAULTS:
+        return FAULTS[name].make
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor import schemes
-from sph_gym.doctor.case import C0, DX, Array, Case, case, cloud, lattice
+from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checks.integration import LONG, MOVE, duration, factor
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
@@ -19,7 +19,7 @@ def squeezed(lab: Lab, spacing: float = 0.92, speed: float = 0.0) -> Case:
 @check("integration", needs=("flight",), shows=("a",))
 def step_uses_acceleration(lab: Lab) -> Finding:
     """Compare the change of v in a step of a squeezed cloud with the accelerations shown."""
-    start, factors = squeezed(lab, speed=0.02 * C0), []
+    start, long_and_short = squeezed(lab, speed=0.02 * C0), []
     for share in (LONG / 2, LONG / 10):
         dt = duration(start, share)
         # where densities are a memory, it takes some steps until the cloud pushes
@@ -29,38 +29,54 @@ def step_uses_acceleration(lab: Lab) -> Finding:
         after, gain = subject.get("a"), (subject.v - v) / dt
         if not all(np.isfinite(each).all() for each in (before, after, gain)):
             return inconclusive("the cloud is not finite, which other checks judge")
-        a = (before + after) / 2
-        if np.abs(a).max() < 1e-4 * start.c0**2 / start.h:
+        if np.abs(after).max() < 1e-4 * start.c0**2 / start.h:
             return inconclusive("hardly any acceleration is shown: nothing to compare")
-        factors.append(np.array([factor(gain[:, k], a[:, k]) for k in (0, 1)]))
-        left = float(np.linalg.norm(gain - factors[-1] * a) / np.linalg.norm(gain + 1e-300))
-    return _judge_factors(factors, left)
+        candidates = [_factors(gain, a) for a in (before, after, (before + after) / 2)]
+        long_and_short.append(min(candidates, key=_from_one))
+    return _judge_factors(candidates, *long_and_short)
 
 
-def _judge_factors(factors: list[Array], left: float) -> Finding:
-    long, short = factors
-    numbers = (f"({short[0]:.4g}, {short[1]:.4g})", "(1, 1)")
-    if left > (0.1 if np.abs(short - 1).max() < 0.1 else 0.03):
+Factors = tuple[Array, float]
+
+
+def _factors(gain: Array, a: Array) -> Factors:
+    """Return the factors along x and y that turn `a` into the gain of v, and what is left."""
+    weak = np.abs(a).max(axis=0) < 1e-6 * np.abs(a).max()
+    none = weak & (np.abs(gain).max(axis=0) < 1e-6 * np.abs(gain).max())
+    factors = np.where(none, 1.0, [factor(gain[:, k], a[:, k]) for k in (0, 1)])
+    left = np.linalg.norm(gain - factors * a) / max(float(np.linalg.norm(gain)), 1e-300)
+    return factors, float(left)
+
+
+def _from_one(found: Factors) -> float:
+    return float(np.abs(found[0] - 1).max()) + found[1]
+
+
+def _judge_factors(candidates: list[Factors], long: Factors, short: Factors) -> Finding:
+    factors, left = short
+    numbers = (f"({factors[0]:.4g}, {factors[1]:.4g})", "(1, 1)")
+    if _from_one(short) < 0.15:
+        return passed(
+            "a squeezed cloud: (dv/dt) / a along x and y, in short steps", *numbers,
+            tolerance="15 % with what is left over",
+        )  # fmt: skip
+    spread = np.ptp([each for each, _ in candidates], axis=0).max()
+    if left > 0.03 or spread > 0.05 * np.abs(factors).max():
         return inconclusive(
             f"a squeezed cloud: the change of v is no multiple of `a` ({left:.0%} are left): `a` "
             "may be shown of another moment, or without some of its terms", *numbers,
         )  # fmt: skip
-    if np.abs(short - 1).max() < 0.1:
-        return passed(
-            "a squeezed cloud: (dv/dt) / a along x and y, in short steps", *numbers,
-            tolerance="10 %",
-        )  # fmt: skip
-    if np.abs(short * 1000 - 1).max() < 0.3:
+    if np.abs(factors * RHO0 - 1).max() < 0.5:
         return failed(
             "a squeezed cloud: dv/dt is `a` over the density",
             "Show accelerations [m/s^2] as `a`, not forces a volume.", *numbers, link="setup",
         )  # fmt: skip
-    ignored = np.abs(short - 5 * long).max() < 0.5 * np.abs(long).max()
+    ignored = np.abs(factors - 5 * long[0]).max() < 0.5 * np.abs(long[0]).max()
     cause = "dt is ignored there." if ignored else f"here the factor is {numbers[0]}, not 1."
     return failed(
-        f"a squeezed cloud: dv/dt is not `a`, but ({long[0]:.3g}, {long[1]:.3g}) times as much "
-        f"in a step of {LONG / 2:g} h/c0, {numbers[0]} in one of {LONG / 10:g} h/c0",
-        MOVE + cause, *numbers, tolerance="10 %",
+        f"a squeezed cloud: dv/dt is not `a`, but ({long[0][0]:.3g}, {long[0][1]:.3g}) times as "
+        f"much in a step of {LONG / 2:g} h/c0, {numbers[0]} in one of {LONG / 10:g} h/c0",
+        MOVE + cause, *numbers, tolerance="15 %",
     )  # fmt: skip
 
 

@@ -48,6 +48,8 @@ _DEFAULTS = {
     "walls": "clamp",
     "restitution": 0.0,
     "layers": 4,
+    "first": 0.5,  # the first layer of wall particles is so many dx outside of the side
+    "frozen": False,  # wall particles without pressure
     "alpha": 0.0,  # artificial viscosity that is always there
     "xsph": True,
     "dtype": np.float64,
@@ -79,7 +81,7 @@ class Solver:
 
     def _wall_particles(self):
         case = self.case
-        if self.walls != "layers" or case.box is None:
+        if case.box is None or self.walls not in ("layers", "line"):
             return np.zeros((0, 2))
         x0, x1, y0, y1 = case.box
         k = self.layers
@@ -88,15 +90,27 @@ class Solver:
         outside = (i < 0) | (i >= nx) | (j < 0) | (j >= ny)
         if self.fault == "no right wall":
             outside &= ~((i >= nx) & (j >= 0) & (j < ny))
-        grid = np.stack([i[outside] + 0.5, j[outside] + 0.5], axis=1) * case.dx
-        return grid + np.array([x0, y0])
+        grid = np.stack([i[outside] + 0.5, j[outside] + 0.5], axis=1)
+        size = np.array([nx, ny])
+        grid += (self.first - 0.5) * (np.sign(grid - size) + np.sign(grid)) / 2
+        return grid * case.dx + np.array([x0, y0])
 
     def _pairs(self, x):
-        every = np.concatenate([x, self.wall_x]).astype(self.dtype)
+        every = np.concatenate([x, self.wall_x, *self._images(x)]).astype(self.dtype)
         d = x[:, None] - every[None]
         r = np.sqrt((d**2).sum(axis=2))
         e = np.where((r > 1e-9)[..., None], d / np.maximum(r, 1e-9)[..., None], 0.0)
         return every, r, e
+
+    def _images(self, x):
+        """Mirror images of all particles at each side, and at each corner."""
+        if self.walls != "ghosts" or self.case.box is None:
+            return []
+        x0, x1, y0, y1 = self.case.box
+        return [
+            np.where([a is not None, b is not None], np.array([2 * (a or 0), 2 * (b or 0)]) - x, x)
+            for a in (None, x0, x1) for b in (None, y0, y1) if (a, b) != (None, None)
+        ]  # fmt: skip
 
     def _pressure(self, rho):
         p = self.B * ((rho / self.case.rho0) ** self.case.gamma - 1)
@@ -113,6 +127,8 @@ class Solver:
         p = self._pressure(rho)
         if self.density == "continuity" and len(self.wall_x):
             p[n:] = np.maximum(p[n:], 0.0)
+        if self.frozen:
+            p[n:] = 0.0
         slope = self.dW(r)
         if self.force == "monaghan":
             s = p / rho**2
@@ -275,25 +291,37 @@ class Solver:
 
     def _wall_force(self, x, v):
         a = np.zeros_like(x, dtype=float)
-        if self.walls not in ("penalty", "lj") or self.case.box is None:
+        if self.walls not in ("penalty", "damped", "lj", "lj by gravity") or not self.case.box:
             return a
         dx, c0 = self.case.dx, self.case.c0
         for axis, side, out in self._sides():
             gap = out * (side - x[:, axis])
-            if self.walls == "penalty":
-                deep = np.maximum(dx / 2 - gap, 0.0)
+            deep = np.maximum(dx / 2 - gap, 0.0)
+            if self.walls in ("penalty", "damped"):
                 a[:, axis] -= out * (c0 / dx) ** 2 * deep * 0.5
-            else:
+            if self.walls == "damped":
+                a[:, axis] -= np.where(deep > 0, 0.5 * c0 / dx * v[:, axis], 0.0)
+            if self.walls.startswith("lj"):
                 s = dx / np.maximum(gap, 0.3 * dx)
-                a[:, axis] -= out * np.where(gap < dx, 0.01 * c0**2 / dx * (s**4 - s**2), 0.0)
+                D = 0.01 * c0**2
+                if self.walls == "lj by gravity":
+                    D = np.hypot(*self.case.gravity) * 0.5
+                a[:, axis] -= out * np.where(gap < dx, D / dx * (s**4 - s**2), 0.0)
         return a
 
     def _bounce(self, dt):
-        if self.walls not in ("clamp", "mirror"):
+        if self.walls == "ahead":
+            for axis, side, out in self._sides():
+                next_x = self.X[:, axis] + dt * self.V[:, axis]
+                hit = (out * (next_x - side) > 0) & (out * self.V[:, axis] > 0)
+                self.V[hit, axis] *= -self.restitution
+        if self.walls not in ("clamp", "mirror", "standoff", "no slip"):
             return
         fault, dx = self.fault, self.case.dx
         e = 1.5 if fault == "restitution" else self.restitution
         for axis, side, out in self._sides():
+            if self.walls == "standoff":
+                side = side - out * dx / 2
             deep = out * (self.X[:, axis] - side)
             hit = deep > 0
             if fault == "leaks when fast":
@@ -308,6 +336,8 @@ class Solver:
                 self.V[hit, axis] = out * np.abs(self.V[hit, axis])
             elif fault != "position only":
                 self.V[leaving, axis] *= -e
+                if self.walls == "no slip":
+                    self.V[leaving, 1 - axis] *= -e
 
 
 class Hidden:

@@ -22,13 +22,14 @@ from sph_gym.extras import progress_bar
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import KERNELS, WRONG_KERNELS
 from sph_gym.solver.simulation import DTYPES, NEIGHBORS
+from sph_gym.studies import playbook
 from sph_gym.studies.picture import new_figure, save
 from sph_gym.studies.table import Row
 
 # The least shares [%] of faults that are found, and of those found at the right link.
 FOUND, RIGHT = 100.0, 95.0
-# Where the links show that the wrong kernels break, whose mass is calibrated.
-WRONG_LINKS = dict.fromkeys(WRONG_KERNELS, "force")
+# The links that the wrong kernels break.
+WRONG_LINKS = dict.fromkeys(WRONG_KERNELS, "force") | {"wrong_3d_constants": "density"}
 COLORS = {"right": "#0072B2", "wrong": "#D55E00"}
 SOUND = "sound"
 
@@ -103,8 +104,9 @@ def shares(outcomes: Sequence[Outcome], tier: str) -> Iterator[Row]:
 
 
 def finish(rows: list[Row], path: Path) -> None:
-    """Draw which link was found for each fault, a panel for what solvers show."""
-    print(f"picture: {draw(rows, path)}")
+    """Draw which link was found for each fault, and the pictures of docs/playbook.md."""
+    for drawn in (draw(rows, path), *playbook.draw(path.parent)):
+        print(f"picture: {drawn}")
 
 
 def draw(rows: Sequence[Row], path: Path) -> Path:

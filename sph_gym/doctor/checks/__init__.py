@@ -3,7 +3,7 @@
 from sph_gym.doctor.checks import setup, density  # isort: skip
 from sph_gym.doctor.checks import neighbours, places, sums, meetings  # isort: skip
 from sph_gym.doctor.checks import pressure, force, pair_force, black_box  # isort: skip
-from sph_gym.doctor.checks import integration, scheme, walls  # isort: skip
+from sph_gym.doctor.checks import integration, scheme  # isort: skip
 
 __all__ = [
     "black_box",
@@ -18,5 +18,4 @@ __all__ = [
     "scheme",
     "setup",
     "sums",
-    "walls",
 ]

@@ -10,8 +10,10 @@ from sph_gym.doctor.case import Array, Case
 from sph_gym.doctor.subject import Factory
 from sph_gym.solver.checks import known
 from sph_gym.solver.geometry import LAYERS, lattice
+from sph_gym.solver.integrators import INTEGRATORS
+from sph_gym.solver.kernels import ALL_KERNELS
 from sph_gym.solver.scene import Effects, Fluid, Scene
-from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.simulation import DTYPES, NEIGHBORS, Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.solver.walls import Walls
 
@@ -25,7 +27,7 @@ class Here:
     """A `Simulation` of a case, as the protocol wants it."""
 
     def __init__(self, case: Case, scene: Scene, **settings: str) -> None:
-        self.n = case.n
+        self.n, self.time = case.n, 0.0
         self.sim = Simulation(scene, **settings)  # type: ignore[arg-type]
         self.c0, self.stiffness = case.c0, scene.fluid.stiffness(case.c0)
 
@@ -52,20 +54,24 @@ class Here:
     @property
     def a(self) -> Array:
         """Return accelerations (n, 2) [m/s^2]."""
-        return self.sim.a[: self.n]
+        engine, found = self.sim.engine, np.zeros((self.n, 2))
+        for axis, column in enumerate(engine.accelerations(self.time)):
+            found[engine.fluid.id, axis] = column[: self.n]
+        return found
 
     def evaluate(self) -> None:
-        """Bring densities, pressures and accelerations up to date."""
-        self.sim.evaluate()
+        """Do nothing: densities and pressures belong to the present positions at all times."""
 
     def step(self, dt: float) -> None:
-        """Do a time step of dt seconds. Raises RuntimeError that names the cause of a blow-up."""
-        self.sim.controls = self.sim.controls._replace(dt=dt)
-        report = self.sim.advance(dt)
-        if report.diverged:
-            raise RuntimeError(
-                f"blow-up: {report.cause}; broken link {report.link}, particle {report.bad_particle}"
-            )
+        """Do a time step of dt seconds.
+
+        The engine's alone: what `Simulation` adds to it are tripwires, and the doctor has its own.
+        Raises RuntimeError if a value is no longer finite, or a particle is within a wall.
+        """
+        _, bad = self.sim.engine.run(self.time, dt, 1)
+        self.time += dt
+        if bad >= 0:
+            raise RuntimeError(f"particle {self.sim.engine.fluid.id[bad]} is lost")
 
 
 def here(
@@ -82,8 +88,12 @@ def here(
     the box as mirrors, "box", or boundary particles, "like fluid" or "extrapolated"; dtype,
     neighbors: as in `Simulation`. Raises ValueError for unknown names.
     """
+    known("kernel", kernel, ALL_KERNELS)
     known("density", density, DENSITIES)
     known("walls", walls, WALLS)
+    known("integrator", integrator, INTEGRATORS)
+    known("dtype", dtype, DTYPES)
+    known("neighbors", neighbors, NEIGHBORS)
 
     def make(case: Case) -> Here:
         """Return this solver, set up for a case."""

@@ -6,18 +6,23 @@ protocol: `make(name)`, or the text "sph_gym.doctor.faults:NAME".
 
 from typing import Any
 
-from sph_gym.doctor.faults import (  # noqa: F401  (fill FAULTS)
+from sph_gym.doctor.diagnosis import LINKS
+from sph_gym.doctor.faults import (  # noqa: F401  (fill the registry)
     forces,
     neighborhoods,
     protocol,
+    registry,
     states,
     velocities,
 )
-from sph_gym.doctor.faults.registry import FAULTS, Fault
+from sph_gym.doctor.faults.registry import Fault
 from sph_gym.doctor.subject import Factory
 from sph_gym.solver.checks import known
 
 __all__ = ["FAULTS", "Fault", "make"]
+
+# In the order of the chain.
+FAULTS = dict(sorted(registry.FAULTS.items(), key=lambda item: LINKS.index(item[1].link)))
 
 
 def make(name: str) -> Factory:

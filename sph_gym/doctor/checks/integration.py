@@ -114,7 +114,7 @@ def _decay(kept: list[float]) -> Finding:
         "Take the decay of velocities out of the step (it acts on the fall of a drop too, and "
         "stacks up with viscosity into jelly); damp by XSPH or viscosity, which act between "
         "neighbours only.",
-        kept[0], 1.0, tolerance="0.5 %",
+        kept[0], 1.0, tolerance="0.5 %", link="" if alike else "viscosity",
     )  # fmt: skip
 
 
@@ -160,7 +160,7 @@ def galilean(lab: Lab) -> Finding:
             f"{told}: the block's velocity changes by a factor although nothing else is there",
             "Something acts on absolute velocities of particles that have neighbours: a decay, or "
             "a viscosity on v_i in place of v_j - v_i, in spite of viscosity = xsph = 0.",
-            kept, 1.0, tolerance="2 %",
+            kept, 1.0, tolerance="2 %", link="viscosity",
         )  # fmt: skip
     if abs(moved - 1) > 0.02 or spread > 0.05:
         return inconclusive(

@@ -11,9 +11,9 @@ from types import MappingProxyType, ModuleType
 from sph_gym.doctor import checks as _checks  # noqa: F401  (fills CHECKS)
 from sph_gym.doctor.diagnosis import BROKEN, LINKS, Diagnosis, Result
 from sph_gym.doctor.findings import Finding, inconclusive, skipped
-from sph_gym.doctor.lab import Lab, Waits
+from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import CHECKS, Check
-from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, TooSlow, Unsupported
+from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, TooSlow, Unsupported, Waits
 from sph_gym.solver.checks import known
 
 # A check may take so long [s]; what is not done by then decides nothing.

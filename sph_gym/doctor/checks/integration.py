@@ -101,9 +101,9 @@ def _changed(before: Array, after: Array, time: float) -> Finding | None:
     """Return what changes velocities other than by one factor, None if nothing does."""
     change = after - before
     size, speeds = np.abs(change).max(), np.linalg.norm(before, axis=1)
-    if size < _LONE * speeds.min() or size < 0.05 * np.abs(before).max():
+    if size < _LONE * speeds.min():
         return None
-    if np.ptp(change, axis=0).max() < 0.02 * size:
+    if np.ptp(change, axis=0).max() < 0.05 * size:
         return _built_in(change.mean(axis=0) / time)
     if np.abs(change - (factor(after, before) - 1) * before).max() < 0.05 * speeds.max():
         return None

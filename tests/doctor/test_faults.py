@@ -9,7 +9,6 @@ from sph_gym.doctor.faults import FAULTS, make
 from sph_gym.doctor.matrix import BARE, Outcome, examine, show, summary
 from sph_gym.doctor.registry import CHECKS
 
-
 # Positions and velocities alone don't tell whether forces have too much gravity, or steps.
 ALIKE = {"gravity_again": "force"}
 

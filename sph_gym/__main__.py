@@ -20,6 +20,7 @@ STUDIES = (
     "soak",
     "stability",
     "accuracy",
+    "doctor",
 )
 
 

@@ -18,7 +18,7 @@ GAMMA = 7.0
 SUPPORT = 3.0
 
 
-@dataclass(frozen=True)
+@dataclass
 class Case:
     """What a solver is to simulate.
 

@@ -33,7 +33,7 @@ class Plain:
         self.case = case
         self.x, self.v = case.x.copy(), case.v.copy()
         self.n, self.h, self.c0 = len(case.x), case.h, case.c0
-        self.stiffness = case.rho0 * case.c0**2 / case.gamma
+        self.stiffness = self.tait_stiffness()
         self.mass = self.calibrated_mass()
         self.evaluate()
 
@@ -56,6 +56,10 @@ class Plain:
         reach = np.arange(-np.ceil(self.h / self.case.dx), np.ceil(self.h / self.case.dx) + 1)
         distances = self.case.dx * np.hypot(*np.meshgrid(reach, reach))
         return float(self.case.rho0 / self.weight(distances).sum())
+
+    def tait_stiffness(self) -> float:
+        """Return Tait's B [Pa], with which sound in fluid at rest has the speed c0."""
+        return self.case.rho0 * self.case.c0**2 / self.case.gamma
 
     # The chain.
 

@@ -3,9 +3,11 @@
 import signal
 import threading
 import time
+import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -150,14 +152,13 @@ class Subject:
 
 
 def _place(error: BaseException) -> str:
-    """Return the file and line of the solver in which an exception was raised."""
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    if trace is None:
+    """Return the file and line in which an exception was raised, in code that is no library's."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [each for each in frames if "site-packages" not in each.filename and "<" not in
+           each.filename and each.filename != __file__]  # fmt: skip
+    if not own:
         return ""
-    code = trace.tb_frame.f_code
-    return f" ({code.co_filename.rsplit('/', 1)[-1]}, line {trace.tb_lineno})"
+    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno})"
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Any
 from sph_gym.solver.checks import known
 from sph_gym.studies import (
     accuracy,
+    doctor,
     effects,
     exploits,
     headroom,
@@ -31,6 +32,7 @@ _STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "soak": soak.measure,
     "stability": stability.measure,
     "accuracy": accuracy.measure,
+    "doctor": doctor.measure,
 }
 # Studies that can be limited to some scenes, and the scenes that they know.
 _BY_SCENE: dict[str, Callable[[], list[str]]] = {

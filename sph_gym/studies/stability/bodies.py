@@ -220,10 +220,10 @@ def cases() -> Iterator[Case]:
     yield from loose()
     yield from endless()
     longer = partial(body, quick=40)
-    # under tension particles clump, the densest hundredth by 10 %, of which kernels that are no
-    # pair make energy
+    # under tension particles clump, of which kernels that are no pair make energy; how far the
+    # densest hundredth does hangs on rounding: 6 to 15 % over a hundred starts 1e-13 m apart
     yield longer(
-        "stretched sheet", stretched, grew(0.2, 0.2), p99=0.12, left=0.9, unmatched={"rise": 0.5}
+        "stretched sheet", stretched, grew(0.2, 0.2), p99=0.18, left=0.9, unmatched={"rise": 0.5}
     )
     turns = partial(longer, dx=0.05, kernel="cubic_spline")
     tense, clamped = (partial(rotating, clamp=clamp) for clamp in (False, True))

@@ -1,0 +1,174 @@
+"""This package's own solver through the doctor's door."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sph_gym import scenes
+from sph_gym.doctor.case import Array, Case
+from sph_gym.doctor.subject import Factory
+from sph_gym.solver.checks import known
+from sph_gym.solver.geometry import LAYERS, lattice
+from sph_gym.solver.integrators import INTEGRATORS
+from sph_gym.solver.kernels import ALL_KERNELS
+from sph_gym.solver.scene import Effects, Fluid, Scene
+from sph_gym.solver.simulation import DTYPES, NEIGHBORS, Simulation
+from sph_gym.solver.state import Controls
+from sph_gym.solver.walls import Walls
+
+DENSITIES = ("summation", "continuity")
+WALLS = ("box", "like fluid", "extrapolated")
+# Multiple of dx: walls of boundary particles go on so far beyond the fluid where the box is open.
+BEYOND = 30
+
+
+class Here:
+    """A `Simulation` of a case, as the protocol wants it."""
+
+    def __init__(self, case: Case, scene: Scene, **settings: str) -> None:
+        self.n = case.n
+        self.sim = Simulation(scene, **settings)  # type: ignore[arg-type]
+        self.c0, self.stiffness = case.c0, scene.fluid.stiffness(case.c0)
+
+    @property
+    def x(self) -> Array:
+        """Return positions (n, 2) [m]."""
+        return self.sim.x[: self.n]
+
+    @property
+    def v(self) -> Array:
+        """Return velocities (n, 2) [m/s]."""
+        return self.sim.v[: self.n]
+
+    @property
+    def rho(self) -> Array:
+        """Return densities (n,) [kg/m^3]."""
+        return self.sim.rho[: self.n]
+
+    @property
+    def p(self) -> Array:
+        """Return pressures (n,) [Pa]."""
+        return self.sim.p[: self.n]
+
+    @property
+    def a(self) -> Array:
+        """Return accelerations (n, 2) [m/s^2]."""
+        return self.sim.a[: self.n]
+
+    def evaluate(self) -> None:
+        """Bring densities, pressures and accelerations up to date."""
+        self.sim.evaluate()
+
+    def step(self, dt: float) -> None:
+        """Do a time step of dt seconds. Raises RuntimeError that names the cause of a blow-up."""
+        self.sim.controls = self.sim.controls._replace(dt=dt)
+        report = self.sim.advance(dt)
+        if report.diverged:
+            raise RuntimeError(
+                f"blow-up at particle {report.bad_particle}: {report.cause}, link {report.link}"
+            )
+
+
+def here(
+    kernel: str = "wendland_c2",
+    density: str = "summation",
+    walls: str = "box",
+    integrator: str = "symplectic_euler",
+    dtype: str = "float64",
+    neighbors: str = "grid",
+) -> Factory:
+    """Return a factory of this solver with the given settings.
+
+    kernel, integrator: as in `Scene`; density: "summation" or "continuity"; walls: the sides of
+    the box as mirrors, "box", or boundary particles, "like fluid" or "extrapolated"; dtype,
+    neighbors: as in `Simulation`. Raises ValueError for unknown names.
+    """
+    known("kernel", kernel, ALL_KERNELS)
+    known("density", density, DENSITIES)
+    known("walls", walls, WALLS)
+    known("integrator", integrator, INTEGRATORS)
+    known("dtype", dtype, DTYPES)
+    known("neighbors", neighbors, NEIGHBORS)
+
+    def make(case: Case) -> Here:
+        """Return this solver, set up for a case."""
+        scene = Scene(
+            "doctor",
+            x=case.x,
+            v=case.v,
+            dx=case.dx,
+            h=case.h,
+            fluid=Fluid(case.c0, case.rho0, case.gamma, kernel),
+            # each is present in all cases, so that one compiled version does for them
+            effects=Effects(
+                gravity=(float(case.gravity[0]), float(case.gravity[1])),
+                xsph=True,
+                laminar_viscosity=case.viscosity,
+                continuity=density == "continuity",
+            ),
+            walls=_walls(case, walls),
+            controls=Controls(case.dt, case.rho0 * case.c0**2 / case.gamma, case.xsph),
+            integrator=integrator,
+        )
+        return Here(case, scene, dtype=dtype, neighbors=neighbors)
+
+    return make
+
+
+def of_scene(name: str) -> Factory:
+    """Return a factory of this solver with the kernel, density, walls and scheme of a scene.
+
+    Its clamp and its other effects are left out: the cases of the doctor are not its flow.
+    Raises ValueError for unknown scenes.
+    """
+    scene = scenes.make(name)
+    walls, settings = scene.walls, {"kernel": scene.fluid.kernel, "integrator": scene.integrator}
+    if scene.effects.continuity:
+        settings["density"] = "continuity"
+    if walls is not None and walls.particles is not None:
+        settings["walls"] = walls.pressure
+    return here(**settings)
+
+
+def short_name(name: str) -> Factory | str:
+    """Return the factory that a short name stands for; other names as they are."""
+    makers: dict[str, Callable[[], Factory]] = {
+        "grid": here,
+        "brute": lambda: here(neighbors="brute"),
+        "float32": lambda: here(dtype="float32"),
+        "plain": _plain,
+    }
+    return makers[name]() if name in makers else name
+
+
+def _plain() -> Factory:
+    from sph_gym.doctor.plain import make
+
+    return make
+
+
+def _walls(case: Case, kind: str) -> Walls | None:
+    if case.box is None or not np.isfinite(case.box).any():
+        return None
+    box: Any = case.box
+    return Walls(box=box) if kind == "box" else Walls(particles=_layers(case), pressure=kind)
+
+
+def _layers(case: Case) -> Array:
+    """Return boundary particles (m, 2) [m] behind the finite sides of the box."""
+    assert case.box is not None
+    low, high = case.x.min(axis=0) - BEYOND * case.dx, case.x.max(axis=0) + BEYOND * case.dx
+    ends = np.array([low[0], high[0], low[1], high[1]])
+    solid = np.isfinite(case.box)
+    x_min, x_max, y_min, y_max = np.where(solid, case.box, ends).tolist()
+    deep = LAYERS * case.dx
+    sides = [
+        (x_min - deep, x_min, y_min, y_max),
+        (x_max, x_max + deep, y_min, y_max),
+        (x_min - deep, x_max + deep, y_min - deep, y_min),
+        (x_min - deep, x_max + deep, y_max, y_max + deep),
+    ]
+    return np.concatenate(
+        [lattice(*side, case.dx) for side, is_solid in zip(sides, solid, strict=True) if is_solid]
+    )

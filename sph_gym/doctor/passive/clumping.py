@@ -8,8 +8,11 @@ from sph_gym.doctor.reading.frames import Array
 
 # Particles nearer to each other than these shares of the spacing are clumped, or paired.
 CLUMPED, PAIRED = 0.5, 0.3
-# Nearer than this share, they are at one place.
+# Nearer than this share of it, they are at one place.
 SAME = 1e-6
+# Shares of the particles: what is usual, what is odd, what is a fault.
+USUAL, ODD, CURDLED = 0.05, 0.2, 0.4
+UNIT = "share of the particles"
 
 
 def suction(survey: Survey) -> Finding:
@@ -17,78 +20,93 @@ def suction(survey: Survey) -> Finding:
     if survey.first.p is None or not survey.samples:
         return skipped("the recording has no pressures")
     negative = max(float((f.p < 0).mean()) for f in survey.samples if f.p is not None)
-    before, after = (_share_nearer(f.x, CLUMPED * survey.spacing)
-                     for f in (survey.samples[0], survey.samples[-1]))  # fmt: skip
-    if negative > 0.05 and after > 0.2 > 0.05 > before:
-        return failed(
-            f"pressures of up to {100 * negative:.0f} % of the particles are negative, and "
-            f"{100 * after:.0f} % of the particles end closer than {CLUMPED:g} spacings to another "
-            f"({100 * before:.0f} % at the start): suction curdles the fluid",
-            "Clamp pressures: p = max(0, p).",
-            after,
-            before,
-            unit="share of clumped particles",
-            tolerance="0.2",
-        )
-    text = "no negative pressures" if negative == 0 else (
-        f"up to {100 * negative:.0f} % negative pressures, but no clumps"
-    )  # fmt: skip
-    return passed(text, after, before, unit="share of clumped particles", tolerance="0.2")
+    shares = [_share_nearer(f.x, CLUMPED * survey.spacing) for f in survey.samples]
+    before, worst = shares[0], max(shares)
+    if negative < USUAL or before > USUAL or worst < ODD:
+        text = f"up to {100 * negative:.0f} % negative pressures, and no clumps by them"
+        return passed(text, worst, before, unit=UNIT, tolerance=f"{CURDLED:g}")
+    text = (
+        f"pressures of up to {100 * negative:.0f} % of the particles are negative, and "
+        f"{100 * worst:.0f} % come closer than {CLUMPED:g} spacings to another "
+        f"({100 * before:.0f} % at the start)"
+    )
+    scene = survey.known.scene
+    if worst < CURDLED or (scene is not None and not scene.fluid.clamp):
+        return inconclusive(f"{text}; with p = max(0, p) they might not", worst, before, unit=UNIT)
+    return failed(
+        f"{text}: suction curdles the fluid",
+        "Clamp pressures: p = max(0, p).",
+        worst,
+        before,
+        unit=UNIT,
+        tolerance=f"{CURDLED:g}",
+    )
 
 
 def clumping(survey: Survey) -> Finding:
     """Measure distances to the nearest neighbour: particles in pairs, or at one place."""
     if not survey.samples or len(survey.samples[0].x) < 8:
         return skipped("too few particles")
-    frames, spacing = survey.samples, survey.spacing
-    at_one_place = [_share_nearer(f.x, SAME * spacing) * len(f.x) for f in frames]
+    at_one_place = [_share_nearer(f.x, SAME * survey.spacing) for f in survey.samples]
     worst = int(np.argmax(at_one_place))
     if at_one_place[worst] and not at_one_place[0]:
-        return _coincident(survey, worst, round(at_one_place[worst]))
-    before, after = (_share_nearer(f.x, PAIRED * spacing) for f in (frames[0], frames[-1]))
-    negative = any((f.p < 0).any() for f in frames if f.p is not None)
-    if after > 0.25 and before < 0.05:
-        unclear = frames[0].p is None or negative
+        return _coincident(survey, worst)
+    shares = [_share_nearer(f.x, PAIRED * survey.spacing) for f in survey.samples]
+    if shares[-1] > CURDLED and shares[0] < USUAL:
+        return _paired(survey, shares)
+    text = "particles keep their distance"
+    return passed(text, shares[-1], shares[0], unit=UNIT, tolerance=f"{CURDLED:g}")
+
+
+def _paired(survey: Survey, shares: list[float]) -> Finding:
+    text = (
+        f"{100 * shares[-1]:.0f} % of the particles end closer than {PAIRED:g} spacings to another "
+        f"({100 * shares[0]:.0f} % at the start)"
+    )
+    numbers = (shares[-1], shares[0])
+    pressures = [f.p for f in survey.samples if f.p is not None]
+    if pressures and not any((p < 0).any() for p in pressures):
         return failed(
-            f"{100 * after:.0f} % of the particles end closer than {PAIRED:g} spacings to another "
-            f"({100 * before:.0f} % at the start)"
-            + ("" if unclear else ", though no pressure is negative: they form pairs"),
-            "Clamp pressures at zero first; then look at the gradient of the kernel for pressure: "
-            "poly6's vanishes for near particles, spiky's doesn't."
-            if unclear
-            else "Take the gradient of the spiky kernel for pressure: poly6's vanishes for near "
+            f"{text}, though no pressure is negative: they form pairs",
+            "Take the gradient of the spiky kernel for pressure: poly6's vanishes for near "
             "particles. With other kernels, take fewer neighbours.",
-            after,
-            before,
-            unit="share of paired particles",
-            tolerance="0.25",
-            link="pressure" if unclear else "",
+            *numbers,
+            unit=UNIT,
+            tolerance=f"{CURDLED:g}",
         )
-    return passed("particles keep their distance", after, before,
-                  unit="share of paired particles", tolerance="0.25")  # fmt: skip
+    return failed(
+        f"{text}; there are negative pressures or none at all in the recording",
+        "Clamp pressures at zero first; then look at the gradient of the kernel for pressure: "
+        "poly6's vanishes for near particles, spiky's doesn't.",
+        *numbers,
+        unit=UNIT,
+        tolerance=f"{CURDLED:g}",
+        link="pressure",
+    )
 
 
-def _coincident(survey: Survey, worst: int, n: int) -> Finding:
-    frame, spacing = survey.samples[worst], survey.spacing
+def _coincident(survey: Survey, worst: int) -> Finding:
+    frame, room = survey.samples[worst], SAME * survey.spacing
     x = frame.x
-    same = nearest(x) < SAME * spacing
-    beside = np.isclose(x, x.min(axis=0), atol=SAME * spacing)
-    beside |= np.isclose(x, x.max(axis=0), atol=SAME * spacing)
-    where = survey.when(survey.sampled[worst])
+    same = nearest(x) < room
+    beside = np.isclose(x, x.min(axis=0), rtol=0, atol=room)
+    beside |= np.isclose(x, x.max(axis=0), rtol=0, atol=room)
+    text = f"{same.sum()} particles are at the place of another one in "
+    text += survey.when(survey.sampled[worst])
     if beside.any(axis=1)[same].all():
         return inconclusive(
-            f"{n} particles are at the place of another one in {where}, all of them at the border "
-            "of the fluid: walls that clamp positions put them on top of each other in corners",
-            n,
+            f"{text}, all of them at the border of the fluid: walls that clamp positions put them "
+            "on top of each other in corners",
+            int(same.sum()),
             0,
             unit="particles",
         )
     return failed(
-        f"{n} particles are at the place of another one in {where}",
+        text,
         "Particles at one place have no direction to part in: the pressure force must keep them "
         "from coming so close (sign, gradient of the kernel); a small random push parts those "
         "that did.",
-        n,
+        int(same.sum()),
         0,
         unit="particles",
     )

@@ -99,11 +99,21 @@ def _in_order(survey: Survey) -> Finding:
         if a.ids is not None or len(a.x) < 8:
             break
         near = nearest(a.x, b.x)
-        moved = np.linalg.norm(b.x - a.x, axis=1)
-        if np.median(near) < 0.3 * survey.spacing and np.median(moved) > 2 * survey.spacing:
+        if np.median(near) < 0.3 * survey.spacing and _scattered(a, b) > 2 * survey.spacing:
             survey.reordered = True
             return _exchanged(survey, k, a, b)
     return passed("the same particles in all frames", n, n, unit="particles")
+
+
+def _scattered(a: Frame, b: Frame) -> float:
+    """Return how far [m] rows move, as a median, beyond what a common motion or v explains."""
+    moved = b.x - a.x
+    rests = [moved, moved - np.median(moved, axis=0)]
+    if a.v is not None and b.v is not None:
+        mean = (a.v + b.v) / 2
+        size = float((mean**2).sum())
+        rests.append(moved - mean * (float((moved * mean).sum()) / size if size else 0.0))
+    return min(float(np.median(np.linalg.norm(rest, axis=1))) for rest in rests)
 
 
 def _exchanged(survey: Survey, k: int, a: Frame, b: Frame) -> Finding:

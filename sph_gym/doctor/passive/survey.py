@@ -124,7 +124,8 @@ class Survey:
         if _same_particles(before, frame):
             self.still &= (frame.x == self.first.x).all(axis=1)
             return
-        lost, gained, names = np.zeros((0, frame.x.shape[1])), len(frame.x) - len(before.x), ()
+        names: tuple[str, ...] = ()
+        lost, gained = np.zeros((0, frame.x.shape[1])), len(frame.x) - len(before.x)
         if frame.ids is not None and before.ids is not None:
             gone = ~np.isin(before.ids, frame.ids)
             lost, gained = before.x[gone], int((~np.isin(frame.ids, before.ids)).sum())

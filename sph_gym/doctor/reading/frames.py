@@ -5,7 +5,7 @@ Arrays of a frame are float64 and belong to it; None stands for what the file do
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +33,15 @@ class Frame(NamedTuple):
     wall: NDArray[np.bool_] | None = None
     time: float = float("nan")
 
+    @property
+    def columns(self) -> tuple[Any, ...]:
+        """Return all but the time."""
+        return tuple(self)[:-1]
+
     def part(self, chosen: NDArray[np.generic]) -> "Frame":
         """Return some of the particles; chosen: indices, or (n,) True for each that is wanted."""
-        columns = (None if column is None else column[chosen] for column in self[:-1])
-        return Frame(*columns, self.time)  # type: ignore[arg-type]
+        columns: list[Any] = [None if column is None else column[chosen] for column in self.columns]
+        return Frame(*columns, time=self.time)
 
 
 class Known(NamedTuple):

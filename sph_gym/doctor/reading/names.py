@@ -63,7 +63,7 @@ def frame_of(arrays: Arrays, place: str, time: float = float("nan")) -> Frame:
         _walls(columns),
         _time(columns) if np.isnan(time) else time,
     )
-    for name, column in zip(Frame._fields[:-1], frame[:-1], strict=True):
+    for name, column in zip(Frame._fields, frame.columns, strict=False):
         if column is not None and len(column) != len(x):
             raise ValueError(
                 f"{place}: expected {name} of {len(x)} particles, as positions are, got "
@@ -82,7 +82,7 @@ def stacked(arrays: Arrays) -> int | None:
     """Return how many frames are in arrays (frames, n[, d]); None if rows are particles of one."""
     columns = named(arrays)
     for name in POSITION:
-        if np.ndim(columns.get(name)) == 3:
+        if name in columns and np.ndim(columns[name]) == 3:
             return len(columns[name])
     for names in _components(POSITIONS):
         parts = [columns[name] for name in names if name in columns]

@@ -57,9 +57,9 @@ def _joined(parts: list[tuple[Frame, bool]]) -> Frame:
         raise ValueError("expected particles, got none")
     frames = [frame for frame, _ in parts]
     walls = np.concatenate([np.full(len(frame.x), wall) for frame, wall in parts])
-    columns = []
-    for k in range(4):
-        some = [frame[k] for frame in frames]
+    columns: list[Any] = []
+    for name in ("x", "v", "rho", "p"):
+        some = [getattr(frame, name) for frame in frames]
         whole = all(column is not None for column in some)
         columns.append(np.concatenate(some) if whole else None)
     ids = frames[0].ids if len(frames) == 1 else None

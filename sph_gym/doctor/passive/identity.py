@@ -32,17 +32,17 @@ def finite(survey: Survey) -> Finding:
     if bad is None:
         return passed("all numbers of all frames are finite", 0, 0, unit="not finite")
     names = {"rho": "density", "p": "pressure", "v": "velocity", "x": "position"}
-    same_frame = "" if bad.frame == 0 else f"; frame {bad.frame - 1} is finite"
+    before = f"; frame {bad.frame - 1} is finite" if bad.frame else ", from the start"
     return failed(
         f"the {names[bad.column]} of particle {bad.particle} in frame {bad.frame} is the first "
-        f"that is not finite, and {bad.n} of that frame are not{same_frame}. Of several quantities "
+        f"that is not finite, and {bad.n} of that frame are not{before}. Of several quantities "
         "in one frame the first of the chain is named: density, pressure, velocity, position",
         "Let the solver stop at the first value that is not finite (`watch`). The usual causes: a "
         "density of zero, where a particle without neighbours lacks its own share; a distance of "
         "zero between two particles at one place; a time step that is too long.",
         f"{bad.column} in frame {bad.frame}",
         "finite",
-        link=CHAIN[bad.column],
+        link=CHAIN[bad.column] if bad.frame or bad.column in ("rho", "p") else "setup",
     )
 
 

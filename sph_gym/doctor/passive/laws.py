@@ -11,13 +11,16 @@ from sph_gym.doctor.reading.frames import Array
 GAMMAS = np.arange(0.5, 12.01, 0.25)
 # Pressures may be so far off a law, as a share of how much they differ from each other.
 FITS = 0.02
+# A density at rest below this share of all densities is none: p = K rho^gamma, a gas.
+LEAST = 0.3
 
 
 class Law(NamedTuple):
     """Tait's equation p = B ((rho / rho0)^gamma - 1), as found.
 
-    low, high: between which gamma may be; misfit: root mean square of what the law leaves, as a
-    share of the standard deviation of p; spread: of the densities, as a share of rho0.
+    stiffness and rho0 are NaN for a law without a density at rest. low, high: between which gamma
+    may be; misfit: root mean square of what the law leaves, as a share of the standard deviation of
+    p; tie: correlation of density and pressure.
     """
 
     gamma: float
@@ -26,7 +29,7 @@ class Law(NamedTuple):
     low: float
     high: float
     misfit: float
-    spread: float
+    tie: float
 
     @property
     def sound_speed(self) -> float:
@@ -51,10 +54,11 @@ def fit(rho: Array, p: Array) -> Law | None:
     # all that fit hardly worse: small differences of density don't tell one from the other
     alike = np.concatenate([GAMMAS[misfits < 2 * misfit + 1e-5], [gamma]])
     slope, constant = _line((rho / middle) ** gamma, p)
-    if slope <= 0 or constant >= 0:
-        return Law(gamma, math.nan, middle, *_ends(alike), misfit, float(np.ptp(rho) / middle))
-    rho0 = middle * (-constant / slope) ** (1 / gamma)
-    return Law(gamma, -constant, rho0, *_ends(alike), misfit, float(np.ptp(rho) / rho0))
+    tie = float(np.corrcoef(rho, p)[0, 1])
+    rho0 = middle * (-constant / slope) ** (1 / gamma) if slope > 0 > constant else math.nan
+    if not rho0 > LEAST * rho.min():
+        return Law(gamma, math.nan, math.nan, *_ends(alike), misfit, tie)
+    return Law(gamma, -constant, rho0, *_ends(alike), misfit, tie)
 
 
 def _ends(values: Array) -> tuple[float, float]:

@@ -8,6 +8,8 @@ from sph_gym.doctor.passive.survey import Survey
 
 # Pressures may be so far off a known law, as a share of themselves.
 EXACT = 0.02
+# Correlation of density and pressure beyond which one falls as the other grows.
+FALLING = 0.8
 
 
 def equation_of_state(survey: Survey) -> Finding:
@@ -19,6 +21,16 @@ def equation_of_state(survey: Survey) -> Finding:
         return _against_scene(survey, found)
     if found is None:
         return inconclusive("pressures are zero or all the same: no law can be told")
+    if found.tie < -FALLING:
+        return failed(
+            "the larger the density, the smaller the pressure: compression pulls instead of "
+            "pushing back",
+            "p = B ((rho / rho0)^gamma - 1): look at the sign, and at which density divides which.",
+            found.tie,
+            1.0,
+            unit="correlation of density and pressure",
+            tolerance=f"above -{FALLING:g}",
+        )
     if found.misfit > FITS:
         return inconclusive(
             f"pressure is no function of density: the best of Tait's equations leaves "
@@ -33,6 +45,14 @@ def equation_of_state(survey: Survey) -> Finding:
         f"B = {found.stiffness:.4g} Pa, rho0 = {found.rho0:.5g} kg/m^3, "
         f"c0 = {found.sound_speed:.4g} m/s"
     )
+    if not found.rho0 > 0:
+        return inconclusive(
+            f"pressures never vanish: p = K rho^{found.gamma:.3g}, the law of a gas. For a liquid, "
+            "take p = B ((rho / rho0)^7 - 1)",
+            found.gamma,
+            7.0,
+            unit="gamma",
+        )
     if found.low <= 7 <= found.high:
         return passed(f"Tait's equation: {told}", found.gamma, 7.0, unit="gamma")
     if found.low <= 1 <= found.high:

@@ -34,14 +34,15 @@ class Frame(NamedTuple):
     time: float = float("nan")
 
     @property
-    def columns(self) -> tuple[Any, ...]:
-        """Return all but the time."""
-        return tuple(self)[:-1]
+    def columns(self) -> dict[str, Any]:
+        """Return all but the time by name."""
+        return {name: column for name, column in self._asdict().items() if name != "time"}
 
     def part(self, chosen: NDArray[np.generic]) -> "Frame":
         """Return some of the particles; chosen: indices, or (n,) True for each that is wanted."""
-        columns: list[Any] = [None if column is None else column[chosen] for column in self.columns]
-        return Frame(*columns, time=self.time)
+        return self._replace(
+            **{name: column[chosen] for name, column in self.columns.items() if column is not None}
+        )
 
 
 class Known(NamedTuple):

@@ -63,7 +63,7 @@ def frame_of(arrays: Arrays, place: str, time: float = float("nan")) -> Frame:
         _walls(columns),
         _time(columns) if np.isnan(time) else time,
     )
-    for name, column in zip(Frame._fields, frame.columns, strict=False):
+    for name, column in frame.columns.items():
         if column is not None and len(column) != len(x):
             raise ValueError(
                 f"{place}: expected {name} of {len(x)} particles, as positions are, got "

@@ -57,13 +57,14 @@ def _joined(parts: list[tuple[Frame, bool]]) -> Frame:
         raise ValueError("expected particles, got none")
     frames = [frame for frame, _ in parts]
     walls = np.concatenate([np.full(len(frame.x), wall) for frame, wall in parts])
-    columns: list[Any] = []
+    columns: dict[str, Any] = {}
     for name in ("x", "v", "rho", "p"):
         some = [getattr(frame, name) for frame in frames]
-        whole = all(column is not None for column in some)
-        columns.append(np.concatenate(some) if whole else None)
+        if all(column is not None for column in some):
+            columns[name] = np.concatenate(some)
     ids = frames[0].ids if len(frames) == 1 else None
-    return Frame(*columns, ids, walls if walls.any() else None, frames[0].time)
+    wall = walls if walls.any() else None
+    return Frame(**columns, ids=ids, wall=wall, time=frames[0].time)
 
 
 def _read_hdf5(path: Path) -> tuple[dict[str, dict[str, Any]], float]:

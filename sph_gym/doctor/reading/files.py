@@ -124,7 +124,9 @@ def _open_trajectory(path: Path) -> Recording:
     kind = read.parameters.get("kind")
     loads = [partial(_of_trajectory, read, k, kind) for k in range(len(read.times))]
     scene = _scene(read.parameters.get("scene"))
-    return Recording(str(path), "recording of sph_gym", loads, Known(scene, read.controls[:, 1]))
+    stiffness = read.controls[:, 1]
+    known = Known(scene, stiffness if np.isfinite(stiffness).all() else None)
+    return Recording(str(path), "recording of sph_gym", loads, known)
 
 
 def _of_trajectory(read: trajectory.Trajectory, k: int, kind: Any) -> Frame:

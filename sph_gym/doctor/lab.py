@@ -30,7 +30,8 @@ class Lab:
 
     shown: names of `OPTIONAL` that the solver shows, known after the check `adapter`;
     float32: whether it keeps single precision, known after the same; facts: what earlier checks
-    have measured, by name, for later ones (such as the measured kernel).
+    have measured, by name, for later ones (such as the measured kernel); broken_clock: the check
+    that has found that steps do not take dt seconds, "" if none has.
     """
 
     def __init__(self, factory: Factory, seed: int = 0) -> None:
@@ -39,6 +40,7 @@ class Lab:
         self.shown: frozenset[str] = frozenset()
         self.float32 = False
         self.facts: dict[str, Any] = {}
+        self.broken_clock = ""
 
     def start(self, check: str, seconds: float) -> None:
         """Begin a check: its random numbers, and the time that it has."""
@@ -51,8 +53,8 @@ class Lab:
         return 1e-3 if self.float32 else 1e-8
 
     def make(self, case: Case) -> Subject:
-        """Return a new solver for the case."""
-        return Subject(self._factory, case, self._deadline)
+        """Return a new solver for the case; its steps raise Waits if the clock is broken."""
+        return Subject(self._factory, case, self._deadline, self.broken_clock)
 
     def run(self, case: Case, dt: float, n_steps: int) -> Subject:
         """Return a new solver after so many steps."""

@@ -1,0 +1,264 @@
+"""Do pressures push apart, both partners alike, in all directions alike?"""
+
+import numpy as np
+
+from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, Case, case, lattice
+from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.laws import Weights
+from sph_gym.doctor.probes import (
+    STILL,
+    Seen,
+    cluster,
+    fields,
+    fluid,
+    groups,
+    pairs,
+    pressed,
+    squeezing,
+)
+from sph_gym.doctor.registry import check
+
+H = SUPPORT * DX
+# Of accelerations [m/s^2], what stands for none and what for a real push.
+_NONE, _PUSH = 1e-4 * C0**2 / H, 1e-3 * C0**2 / H
+_SYMMETRIC = (
+    "Use a form in which i pushes j as j pushes i, such as a_i = -sum m_j (p_i / rho_i^2 + "
+    "p_j / rho_j^2) grad W or (p_i + p_j) / (rho_i rho_j). p_i alone, p_j alone, p_j - p_i, or a "
+    "force that is divided by one particle's density only, make momentum out of nothing."
+)
+_SIGN = (
+    "The sign of the kernel's gradient: in a_i = -sum m_j (p_i / rho_i^2 + p_j / rho_j^2) W'(r) "
+    "(x_i - x_j) / r, W' is below zero, so that the two signs together push apart."
+)
+_SUCTION = (
+    "Pressures below zero act, those above it don't: p = max(0, p), not min, and p = B ((rho / "
+    "rho0)^gamma - 1) is above zero when rho > rho0."
+)
+_LISTS = (
+    "Compare with a loop over all pairs: the neighbour search loses some of them, or keeps only "
+    "some neighbours of a particle."
+)
+_TOUCH = (
+    "Skip pairs nearer than some 1e-6 h when the direction (x_i - x_j) / r is formed; their "
+    "share of the density stays."
+)
+
+
+@check("force", step=3, needs=("isolated",))
+def push_apart(lab: Lab) -> Finding:
+    """Squeeze a blob: do its particles move apart?"""
+    for spacing in (0.75, 0.45):
+        x, found = pressed(lab, lattice(5, 5, spacing * DX, center=(1.0, 1.1))[None], **fluid(H))
+        if not np.isfinite(found.a).all():
+            return _not_finite(lab, found, "a squeezed blob", "Look for divisions by zero. ")
+        if np.abs(found.a).max() > _NONE:
+            break
+    else:
+        return _no_push(found)
+    arms = x[0] - x[0].mean(axis=0)
+    out = float((found.a * arms).sum() / (np.abs(found.a).max() * np.abs(arms).sum()))
+    numbers = {"unit": "of the largest acceleration"}
+    if out > 0.02:
+        return passed("a blob of 5 x 5, squeezed, expands", out, "above 0", **numbers)
+    if out > -0.02:
+        return inconclusive("a blob of 5 x 5, squeezed: no clear direction", out, "above 0")
+    suction = bool(found.p.mean() < 0) or not _pairs_attract(lab)
+    return failed(
+        "a blob of 5 x 5, squeezed, contracts" + (", but close pairs don't" * suction),
+        _SUCTION if suction else _SIGN,
+        out,
+        "above 0",
+        link="pressure" if suction else "force",
+        **numbers,
+    )
+
+
+def _pairs_attract(lab: Lab) -> bool:
+    """Return whether pairs denser than rho0 attract each other; True if that can't be tried."""
+    ratio = squeezing(lab)
+    if ratio is None:
+        return True
+    found = pairs(lab, np.array([0.2, 0.4, 0.6]), **fluid(H, ratio))
+    return not found.push.min() > -_NONE or found.rho.max() < RHO0
+
+
+def _no_push(found: Seen) -> Finding:
+    # comparisons that are true for NaN, too: for what isn't shown
+    if found.rho.max() <= 1.05 * RHO0:
+        return inconclusive("a blob could not be squeezed above rho0", float(found.rho.max()))
+    under = not found.p.max() <= 0
+    return failed(
+        "a blob of 5 x 5 at 0.45 of its spacing, at rest and contracting: nothing pushes",
+        "Check that neighbours are found, that p > 0 for rho > rho0, and that the force is added "
+        "to the velocities.",
+        0.0,
+        "a push outwards",
+        unit="m/s^2",
+        link="force" if under else "pressure",
+    )
+
+
+def _not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Finding:
+    for name, link, values in (("rho", "density", found.rho), ("p", "pressure", found.p)):
+        if name in lab.shown and not np.isfinite(values).all():
+            return failed(f"{what}: {name} not finite", remedy, "not finite", "finite", link=link)
+    return failed(f"{what}: accelerations not finite", remedy, "not finite", "finite")
+
+
+@check("force", step=3, needs=("isolated",))
+def momentum(lab: Lab) -> Finding:
+    """Squeeze groups of four, then a cloud: do all forces add up to zero?"""
+    ratio = squeezing(lab)
+    numbers = {"unit": "of the forces", "tolerance": "1 %"}
+    small = 0.0
+    if ratio is not None:
+        x = groups([cluster(4, H, lab.rng) for _ in range(6)], H)
+        small = _left_over(pressed(lab, x, **fluid(H, ratio))[1], 6)
+        if small > 0.01:
+            return failed(
+                "six groups of four particles: forces don't add up to zero",
+                _SYMMETRIC,
+                small,
+                0.0,
+                **numbers,
+            )
+    x = lattice(6, 6, 0.75 * DX, center=(1.0, 1.1))
+    x += lab.rng.uniform(-0.2, 0.2, x.shape) * 0.75 * DX
+    large = _left_over(pressed(lab, x[None], **fluid(H))[1], 1)
+    if large > 0.01:
+        return failed(
+            "a cloud of 6 x 6: forces don't add up to zero"
+            + (", though they do in groups of four" if ratio else ""),
+            _LISTS if ratio else _SYMMETRIC,
+            large,
+            0.0,
+            link="neighbours" if ratio else "force",
+            **numbers,
+        )
+    worst = max(small, large)
+    if not worst >= 0:
+        return inconclusive("nothing pushes in groups under pressure", worst, 0.0, **numbers)
+    return passed("groups of four and a cloud of 6 x 6", worst, 0.0, **numbers)
+
+
+def _left_over(found: Seen, n_groups: int) -> float:
+    """Return the sum of a group's accelerations as a share of their sizes; the largest of all."""
+    a = found.a.reshape(n_groups, -1, 2)
+    sizes = np.linalg.norm(a, axis=2).sum(axis=1)
+    real = sizes > _NONE
+    if not real.any() or not np.isfinite(a).all():
+        return float("nan")
+    return float((np.linalg.norm(a.sum(axis=1), axis=1)[real] / sizes[real]).max())
+
+
+_TURNS = {
+    "mirrored in x": ((-1, 0), (0, 1)),
+    "mirrored in y": ((1, 0), (0, -1)),
+    "x and y exchanged": ((0, 1), (1, 0)),
+    "turned by 90 degrees": ((0, -1), (1, 0)),
+    "turned by 37 degrees": ((0.8, -0.6), (0.6, 0.8)),
+}
+_N_COPIES = 5
+
+
+@check("force", step=3, needs=("isolated",))
+def isotropy(lab: Lab) -> Finding:
+    """Mirror and turn a squeezed group: do the accelerations turn with it?"""
+    ratio = squeezing(lab) or SUPPORT
+    shape = cluster(7, H, lab.rng, least=0.2) * (1.0 if ratio < 2 else 0.5)
+    turns = [np.eye(2)] * _N_COPIES + [np.array(t, dtype=float) for t in _TURNS.values()]
+    _, found = pressed(lab, groups([shape @ t.T for t in turns], H), **fluid(H, ratio))
+    a = found.a.reshape(len(turns), -1, 2)
+    size = float(np.abs(a).max())
+    if not np.isfinite(a).all() or size < _NONE:
+        return inconclusive("a group of seven was not pushed", size)
+    back = np.stack([each @ turn for each, turn in zip(a, turns, strict=True)])
+    errors = np.abs(back - back[0]).max(axis=(1, 2)) / size
+    moved, turned = float(errors[:_N_COPIES].max()), float(errors[_N_COPIES:].max())
+    numbers = {"unit": "of the largest acceleration", "tolerance": "2 %"}
+    if moved > 0.02:
+        return failed(
+            "a group of seven, put elsewhere, is pushed differently",
+            _LISTS,
+            moved,
+            0.0,
+            link="neighbours",
+            **numbers,
+        )
+    if turned > 0.02:
+        which = list(_TURNS)[int(np.argmax(errors[_N_COPIES:]))]
+        return failed(
+            f"a group of seven, {which}, is pushed differently{_only(a)}",
+            "Use the unit vector (x_i - x_j) / r for both components, r = sqrt(dx^2 + dy^2); look "
+            "for an x where y is meant.",
+            turned,
+            0.0,
+            **numbers,
+        )
+    return passed("a group of seven, moved, mirrored and turned", turned, 0.0, **numbers)
+
+
+def _only(a: Array) -> str:
+    across = np.abs(a).max(axis=(0, 1))
+    if across.min() > 1e-3 * across.max():
+        return ""
+    return f": it is pushed along {'xy'[int(np.argmax(across))]} only"
+
+
+@check("force", step=3, needs=("isolated",))
+def coincident(lab: Lab) -> Finding:
+    """Put two particles at one place, alone and in a blob: does everything stay finite?"""
+    blob = lattice(5, 5, DX, center=(1.0, 1.1))
+    cases = [case([*blob, blob[12]])]
+    ratio = squeezing(lab)
+    if ratio is not None:
+        cases.append(case([(1.0, 1.1), (1.0, 1.1), (1.05, 1.1)], **fluid(H, ratio)))
+    fastest = 0.0
+    for start in cases:
+        subject = lab.make(start).step(STILL * H / C0, 2).step(0.5 * start.dt, 5)
+        if not (np.isfinite(subject.x).all() and np.isfinite(subject.v).all()):
+            return failed(
+                "two particles at one place: not finite after 7 steps",
+                _TOUCH,
+                "not finite",
+                "finite",
+            )
+        if start is cases[0]:
+            fastest = float(np.abs(subject.v).max()) / C0
+    if fastest > 5:
+        return failed(
+            "two particles at one place in a blob at rest fly off",
+            _TOUCH + " A division by r^2, or by a tiny r that stands for zero, has this effect.",
+            fastest,
+            "below 5",
+            unit="c0",
+        )
+    return passed("two particles at one place, in a blob at rest", fastest, "below 5", unit="c0")
+
+
+@check("force", step=4, needs=("isolated", "kernel", "interior_density"))
+def dense_group(lab: Lab) -> Finding:
+    """Crowd 40 particles into one place: are densities their sums, and all finite?"""
+    x = cluster(40, 0.6 * H, lab.rng, least=0.03) + np.array([1.0, 1.1])
+    start = case(x)
+    found = fields(lab, start)
+    if not np.isfinite(found.a).all():
+        return _not_finite(lab, found, "40 particles within a circle of 0.6 h", _TOUCH)
+    weights = lab.facts.get("weight")
+    if not isinstance(weights, Weights) or not _same(weights, start):
+        return passed("40 particles within a circle of 0.6 h: all finite")
+    r = np.linalg.norm(x[:, None] - x[None], axis=2)
+    np.fill_diagonal(r, np.inf)
+    share = found.rho / (weights.own + weights(r).sum(axis=1))
+    worst = float(share[np.argmax(np.abs(share - 1))])
+    numbers = {"unit": "of the sum over pairs", "tolerance": "5 %"}
+    text = "40 particles within a circle of 0.6 h: density"
+    if 0.95 < worst < 1.05 or np.ptp(share) < 0.02:
+        return passed(text, worst, 1.0, **numbers)
+    remedy = _LISTS + " Lists of a fixed length must be long enough for a crowd."
+    return failed(text, remedy, worst, 1.0, link="neighbours", **numbers)
+
+
+def _same(weights: Weights, start: Case) -> bool:
+    return weights.settings["h"] == start.h and weights.settings["dx"] == start.dx

@@ -1,0 +1,225 @@
+"""Pairs and small groups of particles, and what a solver does with them.
+
+All probes lie in the positive quadrant and not far from the origin, so that a neighbour search
+that fails elsewhere doesn't spoil what is measured of the laws.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from sph_gym.doctor.case import C0, GAMMA, RHO0, SUPPORT, Array, Case, case
+from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.subject import Crash, Subject
+
+# Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
+# times as large as those at rest, and even then a step is to move nobody by more than 1e-5 h.
+STILL = 1e-6
+# Of pairs that approach each other: their speed in c0, the time step in h / c0.
+CLOSING, MOMENT = 0.1, 0.004
+# Distances of pairs in support radii: dense where kernels differ, and some beyond the support.
+DISTANCES = np.array([*np.linspace(0.03, 0.98, 24), 1.03, 1.2, 1.5, 1.9])
+# Between pairs, in support radii; a kernel of twice the support must not join two of them.
+_APART = 6.0
+_N_LONELY = 2
+_GOLDEN = np.pi * (3 - 5**0.5)
+
+
+class Seen(NamedTuple):
+    """What was seen of a solver: rho, p (n,) and a (n, 2); NaN for rho and p if not shown."""
+
+    rho: Array
+    p: Array
+    a: Array
+
+
+class Pairs(NamedTuple):
+    """What was seen of pairs, each alone in empty space; NaN for what isn't shown.
+
+    q: (k,) distances in support radii; rho, p: (k, 2) of both partners; push: (k, 2) accelerations
+    of both, positive away from the partner [m/s^2]; closing: (k,) speeds at which they approach
+    each other [m/s]; lone: density of a particle without a partner.
+    """
+
+    q: Array
+    rho: Array
+    p: Array
+    push: Array
+    closing: Array
+    lone: float
+
+
+def fluid(h: float, ratio: float = SUPPORT, c0: float = C0) -> dict[str, float]:
+    """Return the settings of a case with support radius h [m] and h / dx = ratio."""
+    return {"h": h, "dx": h / ratio, "c0": c0, "rho0": RHO0, "gamma": GAMMA}
+
+
+def spread(n: int, h: float) -> Array:
+    """Return (n, 2) places so far from each other that what is put there does not touch."""
+    side = int(np.ceil(np.sqrt(n)))
+    i, j = np.divmod(np.arange(n), side)
+    # odd fractions of h, so that places lie differently in the cells of a grid
+    step = (_APART + 0.37) * h
+    return np.stack([i, j], axis=1) * step + np.array([2.61, 2.17]) * h
+
+
+def axes(n: int) -> Array:
+    """Return (n, 2) unit vectors in all directions."""
+    angle = _GOLDEN * np.arange(n) + 0.3
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def pairs_case(q: Array, speed: float = 0.0, **settings: float) -> Case:
+    """Return pairs at distances q h, and two lone particles as the last rows.
+
+    speed: with which the partners of a pair approach each other, in c0; settings: see `fluid`.
+    Rows: first partners, second partners, lone ones.
+    """
+    h, n = settings["h"], len(q)
+    places, along = spread(n + _N_LONELY, h), axes(n)
+    half = along * (q[:, None] * h / 2)
+    x = np.concatenate([places[:n] + half, places[:n] - half, places[n:]])
+    v = np.concatenate([-along, along, np.zeros((_N_LONELY, 2))]) * speed * settings["c0"] / 2
+    return case(x, v, **settings)
+
+
+def look(subject: Subject, lab: Lab) -> Seen:
+    """Return rho, p and a at the solver's present positions."""
+    still = STILL * subject.case.h / subject.case.c0
+    if "evaluate" in lab.shown:
+        # twice, for a solver whose pressures lag behind
+        subject.evaluate().evaluate()
+    else:
+        subject.step(still, 3)
+    rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
+    if "a" in lab.shown:
+        return Seen(rho, p, subject.get("a"))
+    if "evaluate" in lab.shown:
+        subject.step(still)
+    return Seen(rho, p, _change(subject, still, 2))
+
+
+def _shown(subject: Subject, lab: Lab, name: str) -> Array:
+    return subject.get(name) if name in lab.shown else np.full(subject.case.n, np.nan)
+
+
+def _change(subject: Subject, dt: float, n_steps: int = 1) -> Array:
+    before = subject.v
+    return (subject.step(dt, n_steps).v - before) / (n_steps * dt)
+
+
+def fields(lab: Lab, start: Case) -> Seen:
+    """Return rho, p and a of a new solver at the case's positions."""
+    return look(lab.make(start), lab)
+
+
+def passing(subject: Subject, lab: Lab, dt: float) -> Seen:
+    """Return rho, p and a as they were at the last evaluation of a solver in motion."""
+    rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
+    a = subject.get("a") if "a" in lab.shown else _change(subject, dt)
+    return Seen(rho, p, a)
+
+
+def _pairs(x: Array, v: Array, seen: Seen, n: int, h: float) -> Pairs:
+    d = x[:n] - x[n : 2 * n]
+    r = np.linalg.norm(d, axis=1)
+    along = d / r[:, None]
+    push = [(seen.a[:n] * along).sum(axis=1), -(seen.a[n : 2 * n] * along).sum(axis=1)]
+    rho, p = (values[: 2 * n].reshape(2, n).T for values in (seen.rho, seen.p))
+    closing = -((v[:n] - v[n : 2 * n]) * along).sum(axis=1)
+    lone = float(seen.rho[2 * n :].mean())
+    return Pairs(r / h, rho, p, np.stack(push, axis=1), closing, lone)
+
+
+def pairs(lab: Lab, q: Array, **settings: float) -> Pairs:
+    """Return what a new solver shows of pairs at rest at the distances q h."""
+    start = pairs_case(q, **settings)
+    return _pairs(start.x, start.v, fields(lab, start), len(q), start.h)
+
+
+def triangles(lab: Lab, q: Array, **settings: float) -> Pairs:
+    """Return what is seen of equilateral triangles of sides q h, told as if they were pairs.
+
+    In each, two neighbours make the density; `push` is the share that one of them has.
+    """
+    h, n = settings["h"], len(q)
+    corners = np.array([(np.cos(t), np.sin(t)) for t in 2 * np.pi / 3 * np.arange(3) + 0.4])
+    places = spread(n + _N_LONELY, h)
+    x = places[:n, None] + corners * (q[:, None, None] * h / 3**0.5)
+    seen = fields(lab, case([*x.reshape(-1, 2), *places[n:]], **settings))
+    out = (seen.a[: 3 * n].reshape(n, 3, 2) * corners).sum(axis=2) / 3**0.5
+    rho, p = (values[: 3 * n].reshape(n, 3) for values in (seen.rho, seen.p))
+    return Pairs(q, rho, p, out, np.zeros(n), float(seen.rho[3 * n :].mean()))
+
+
+def closing(lab: Lab, q: Array, moments: tuple[int, ...], **settings: float) -> list[Pairs]:
+    """Return what a solver shows of pairs that approach each other, after so many steps.
+
+    In 25 steps they come nearer by 0.01 h: densities by continuity rise by some percent. It takes
+    a tenth of h / c0, before they rebound.
+    """
+    start = pairs_case(q, speed=CLOSING, **settings)
+    subject, dt, seen = lab.make(start), MOMENT * start.h / start.c0, []
+    for moment in moments:
+        subject.step(dt, moment - subject.n_steps)
+        x, v = subject.x, subject.v
+        seen.append(_pairs(x, v, passing(subject, lab, dt), len(q), start.h))
+    return seen
+
+
+def squeezing(lab: Lab) -> float | None:
+    """Return the smallest h / dx that the solver takes, None if it takes none below 2.
+
+    At h = dx a single particle has about the density rho0 or more, so that pairs are under
+    pressure although pressures below zero may be cut off.
+    """
+    if "squeezing" not in lab.facts:
+        lab.facts["squeezing"] = None
+        for ratio in (1.0, 1.05, 1.3, 1.6):
+            try:
+                start = pairs_case(np.array([0.5]), **fluid(0.12, ratio))
+                lab.make(start).step(STILL * start.h / start.c0)
+            except Crash:
+                continue
+            lab.facts["squeezing"] = ratio
+            break
+    ratio = lab.facts["squeezing"]
+    return None if ratio is None else float(ratio)
+
+
+def cluster(n: int, h: float, rng: np.random.Generator, least: float = 0.25) -> Array:
+    """Return (n, 2) positions within a circle of diameter 0.95 h, at least `least` h apart."""
+    chosen: list[Array] = []
+    while len(chosen) < n:
+        new = rng.uniform(-0.475, 0.475, 2)
+        if np.hypot(*new) > 0.475:
+            continue
+        if all(np.hypot(*(new - old)) >= least for old in chosen):
+            chosen.append(new)
+        elif rng.random() < 0.02:
+            chosen.clear()
+    return np.array(chosen) * h
+
+
+def groups(shapes: list[Array], h: float) -> Array:
+    """Return (n groups, n, 2) positions: each shape (n, 2) around a place of its own."""
+    return np.stack(shapes) + spread(len(shapes), h)[:, None] + 0.71 * h
+
+
+def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Seen]:
+    """Return positions (n groups, n, 2), and rho, p and a, of groups that are under pressure.
+
+    x: (n groups, n, 2). Groups at rest are looked at first; where nothing pushes, as densities by
+    continuity do not know that particles are close, the groups contract by 3 % before.
+    """
+    n_groups, n, _ = x.shape
+    found = fields(lab, case(x, **settings))
+    h, c0 = settings["h"], settings["c0"]
+    if np.abs(found.a).max() > 1e-4 * c0**2 / h:
+        return x, found
+    v = -0.5 * c0 / h * (x - x.mean(axis=1, keepdims=True))
+    dt = MOMENT * h / c0
+    subject = lab.make(case(x, v.reshape(-1, 2), **settings)).step(dt, 15)
+    # the accelerations are those of the last evaluation, a step ago at most
+    where = subject.x.reshape(n_groups, n, 2)
+    return where, passing(subject, lab, dt)

@@ -13,6 +13,8 @@ from sph_gym.doctor.throws import OUTSIDE, SIDES, Throw
 # Thrown with so many c0. Faster than the second, walls of particles and of forces may leak.
 _SLOW, _FAST, _MAD = 0.1, 0.3, 1.0
 _LONG, _SHORT = 0.2, 0.05
+# Moved by so much more than v dt in a step [spacings], a particle was put somewhere.
+_JUMP = 2.0
 _REFLECT = (
     "Walls that put particles back have to do both: clamp the position to the wall, and reflect "
     "(or remove) the component of the velocity across it, of every particle outside."
@@ -23,7 +25,7 @@ _BUILD = (
 )
 
 
-@check("walls", needs=("flight",))
+@check("walls", needs=("flight", "blob"))
 def thrown_alone(lab: Lab) -> Finding:
     """Throw lone particles at all sides and corners: do they stop, and how do they come back?"""
     runs = [throws.alone(lab, speed, _LONG) for speed in (_SLOW, _FAST)]
@@ -151,6 +153,7 @@ def _leak(lab: Lab, run: Throw, speed: float) -> Finding:
     shares = [run.lost_share(k) for k in range(4)]
     worst = int(np.argmax(shares))
     told = ", ".join(f"{name} {share:.0%}" for name, share in zip(SIDES, shares, strict=True))
+    told += f"; {int(run.lost.sum())} particles in all"
     out = np.zeros(2)
     out[worst // 2] = 10.0 if worst % 2 else -10.0
     pulled = throws.blocks(lab, speed, _LONG, gravity=out)

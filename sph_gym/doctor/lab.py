@@ -25,12 +25,17 @@ class Fields(NamedTuple):
     a: Array | None
 
 
+class Waits(Exception):
+    """What an instrument builds on was found broken: the name of that check."""
+
+
 class Lab:
     """Makes solvers and measures them; one for all checks of a diagnosis.
 
     shown: names of `OPTIONAL` that the solver shows, known after the check `adapter`;
     float32: whether it keeps single precision, known after the same; facts: what earlier checks
-    have measured, by name, for later ones (such as the measured kernel).
+    have measured, by name, for later ones (such as the measured kernel); broken_clock: the check
+    that has found that steps do not take dt seconds, "" if none has.
     """
 
     def __init__(self, factory: Factory, seed: int = 0) -> None:
@@ -39,6 +44,7 @@ class Lab:
         self.shown: frozenset[str] = frozenset()
         self.float32 = False
         self.facts: dict[str, Any] = {}
+        self.broken_clock = ""
 
     def start(self, check: str, seconds: float) -> None:
         """Begin a check: its random numbers, and the time that it has."""
@@ -88,8 +94,11 @@ class Lab:
     def change_of_velocity(self, case: Case) -> Array:
         """Return dv/dt (n, 2) [m/s^2] over two tiny steps, after a first one.
 
-        The first step is left out: some solvers know no acceleration yet when they begin.
+        The first step is left out: some solvers know no acceleration yet when they begin. Raises
+        Waits if steps do not take dt seconds.
         """
+        if self.broken_clock:
+            raise Waits(self.broken_clock)
         dt = TINY * case.h / case.c0
         subject = self.make(case).step(dt)
         before = subject.v

@@ -28,8 +28,8 @@ from sph_gym.studies.table import Row
 
 # The least shares [%] of faults that are found, and of those found at the right link.
 FOUND, RIGHT = 100.0, 95.0
-# Where the links show that the wrong kernels break, whose mass is calibrated.
-WRONG_LINKS = dict.fromkeys(WRONG_KERNELS, "force")
+# The links that the wrong kernels break.
+WRONG_LINKS = dict.fromkeys(WRONG_KERNELS, "force") | {"wrong_3d_constants": "density"}
 COLORS = {"right": "#0072B2", "wrong": "#D55E00"}
 SOUND = "sound"
 

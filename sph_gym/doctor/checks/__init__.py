@@ -1,6 +1,29 @@
-"""The checks, imported in the order in which they are done."""
+"""The checks, imported in the order in which they are done.
 
-from sph_gym.doctor.checks import setup  # isort: skip
-from sph_gym.doctor.checks import density, pressure, force, pair_force, black_box  # isort: skip
+The motion of lone particles comes first, since accelerations are measured by tiny steps. What
+shows only that something is wrong, not where, comes last.
+"""
 
-__all__ = ["black_box", "density", "force", "pair_force", "pressure", "setup"]
+from sph_gym.doctor.checks import setup, integration, density  # isort: skip
+from sph_gym.doctor.checks import neighbours, places, sums, meetings  # isort: skip
+from sph_gym.doctor.checks import pressure, force, pair_force, black_box, scheme  # isort: skip
+from sph_gym.doctor.checks import viscosity, xsph, walls, whole  # isort: skip
+
+__all__ = [
+    "black_box",
+    "density",
+    "force",
+    "integration",
+    "meetings",
+    "neighbours",
+    "pair_force",
+    "places",
+    "pressure",
+    "scheme",
+    "setup",
+    "sums",
+    "viscosity",
+    "walls",
+    "whole",
+    "xsph",
+]

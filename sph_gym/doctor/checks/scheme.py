@@ -1,0 +1,181 @@
+"""Which time integration does the solver use, and does it gain energy by it?"""
+
+import numpy as np
+
+from sph_gym.doctor import schemes
+from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, cloud, lattice
+from sph_gym.doctor.checks.integration import LONG, MOVE, duration, factor
+from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.registry import check
+
+
+def squeezed(lab: Lab, spacing: float = 0.92, speed: float = 0.0) -> Case:
+    """Return 36 particles in disorder, squeezed so that they push, with random velocities."""
+    x = cloud(lab.rng, 6, 6, spacing * DX, 0.08)
+    return case(x, lab.rng.uniform(-speed, speed, x.shape))
+
+
+@check("integration", needs=("flight",), shows=("a",))
+def step_uses_acceleration(lab: Lab) -> Finding:
+    """Compare the change of v in a step of a squeezed cloud with the accelerations shown."""
+    start, long_and_short = squeezed(lab, speed=0.02 * C0), []
+    for share in (LONG / 2, LONG / 10):
+        dt = duration(start, share)
+        # where densities are a memory, it takes some steps until the cloud pushes
+        subject = lab.make(start).step(LONG * start.h / start.c0, 3).step(dt)
+        before, v = subject.get("a"), subject.v
+        subject.step(dt)
+        after, gain = subject.get("a"), (subject.v - v) / dt
+        if not all(np.isfinite(each).all() for each in (before, after, gain)):
+            return inconclusive("the cloud is not finite, which other checks judge")
+        if np.abs(after).max() < 1e-4 * start.c0**2 / start.h:
+            return inconclusive("hardly any acceleration is shown: nothing to compare")
+        candidates = [_factors(gain, a) for a in (before, after, (before + after) / 2)]
+        long_and_short.append(min(candidates, key=_from_one))
+    return _judge_factors(candidates, *long_and_short)
+
+
+Factors = tuple[Array, float]
+
+
+def _factors(gain: Array, a: Array) -> Factors:
+    """Return the factors along x and y that turn `a` into the gain of v, and what is left."""
+    weak = np.abs(a).max(axis=0) < 1e-6 * np.abs(a).max()
+    none = weak & (np.abs(gain).max(axis=0) < 1e-6 * np.abs(gain).max())
+    factors = np.where(none, 1.0, [factor(gain[:, k], a[:, k]) for k in (0, 1)])
+    left = np.linalg.norm(gain - factors * a) / max(float(np.linalg.norm(gain)), 1e-300)
+    return factors, float(left)
+
+
+def _from_one(found: Factors) -> float:
+    return float(np.abs(found[0] - 1).max()) + found[1]
+
+
+def _judge_factors(candidates: list[Factors], long: Factors, short: Factors) -> Finding:
+    factors, left = short
+    numbers = (f"({factors[0]:.4g}, {factors[1]:.4g})", "(1, 1)")
+    if _from_one(short) < 0.15:
+        return passed(
+            "a squeezed cloud: (dv/dt) / a along x and y, in short steps", *numbers,
+            tolerance="15 % with what is left over",
+        )  # fmt: skip
+    spread = np.ptp([each for each, _ in candidates], axis=0).max()
+    if left > 0.03 or spread > 0.05 * np.abs(factors).max():
+        return inconclusive(
+            f"a squeezed cloud: the change of v is no multiple of `a` ({left:.0%} are left): `a` "
+            "may be shown of another moment, or without some of its terms", *numbers,
+        )  # fmt: skip
+    if np.abs(factors * RHO0 - 1).max() < 0.5:
+        return failed(
+            "a squeezed cloud: dv/dt is `a` over the density",
+            "Show accelerations [m/s^2] as `a`, not forces a volume.", *numbers, link="setup",
+        )  # fmt: skip
+    ignored = np.abs(factors - 5 * long[0]).max() < 0.5 * np.abs(long[0]).max()
+    cause = "dt is ignored there." if ignored else f"here the factor is {numbers[0]}, not 1."
+    return failed(
+        f"a squeezed cloud: dv/dt is not `a`, but ({long[0][0]:.3g}, {long[0][1]:.3g}) times as "
+        f"much in a step of {LONG / 2:g} h/c0, {numbers[0]} in one of {LONG / 10:g} h/c0",
+        MOVE + cause, *numbers, tolerance="15 %",
+    )  # fmt: skip
+
+
+# A model that a broken scheme follows leaves rounding alone; see `schemes.HOLDS` for the unit.
+_EXACT = 0.03
+
+
+@check("integration", needs=("flight",))
+def scheme(lab: Lab) -> Finding:
+    """Name the integrator: take apart each step of a lively cloud by accelerations from outside."""
+    start = squeezed(lab, speed=0.05 * C0)
+    found = _identify(lab, start, 0.15)
+    if found is None:
+        return inconclusive("the cloud is not finite, which other checks judge")
+    kick, drift = found
+    if kick[1] > schemes.HOLDS:
+        return inconclusive(
+            "the steps of a lively cloud fit no known scheme: densities with a memory "
+            "(continuity), sub-steps or smoothed velocities hide it",
+            f"{kick[1]:.2g} left", f"< {schemes.HOLDS:g}", tolerance="of its change in a step",
+        )  # fmt: skip
+    name = _known(*found)
+    text = f"v changes by {kick[0]} dt" + (f", x by {drift[0]} dt" if drift[1] < _EXACT else "")
+    if name in _BROKEN:
+        again = _identify(lab, start, 0.05)
+        if again is None or _known(*again) != name:
+            return inconclusive(f"looks like {name}, but not with a shorter step: {text}", text)
+        return failed(
+            f"each step of a lively cloud, taken apart: {text}, exactly, at two dt", _BROKEN[name],
+            name, "symplectic Euler, leapfrog or a predictor-corrector",
+            tolerance=f"{_EXACT:.0%} of the change of a in a step",
+        )  # fmt: skip
+    if name == _TAYLOR:
+        return inconclusive(f"{text}: it gains energy half as fast as forward Euler", name)
+    return passed(f"each step of a lively cloud, taken apart: {text}", text)
+
+
+_TAYLOR = "half a velocity Verlet"
+_BROKEN = {
+    "forward Euler": "Forward Euler gains energy in every oscillation. Change v first and move "
+    "the particles with the new v: v += a * dt; x += v * dt.",
+    "lagged accelerations": "The accelerations belong to the step before: compute densities, "
+    "pressures and forces at the present positions, and only then change v.",
+}
+
+
+def _identify(
+    lab: Lab, start: Case, share: float
+) -> tuple[tuple[str, float], tuple[str, float]] | None:
+    track = schemes.follow(lab, start, duration(start, share))
+    if not (np.isfinite(track.x).all() and np.isfinite(track.v).all()):
+        return None
+    return schemes.best_kick(track), schemes.best_drift(track)
+
+
+def _known(kick: tuple[str, float], drift: tuple[str, float]) -> str:
+    """Return a name for the schemes that gain energy, "" for others."""
+    if kick[1] > _EXACT or drift[1] > _EXACT:
+        return ""
+    if kick[0] == "a(k-1)":
+        return "lagged accelerations"
+    if kick[0] == "a(k)" and drift[0] == "v(k)":
+        return "forward Euler"
+    if kick[0] == "a(k)" and drift[0] == "mean of v(k) and v(k+1)":
+        return _TAYLOR
+    return ""
+
+
+@check("integration", needs=("flight",))
+def ringing(lab: Lab) -> Finding:
+    """Let sound go to and fro in a block: its energy must not grow, least of all with dt."""
+    long = _ring(lab, LONG)
+    numbers = (f"{long:.3g}", "<= 1")
+    told = "sound in a block of 6 x 6: kinetic energy after some ten crossings, in units of the "
+    if not np.isfinite(long) or long > 2:
+        short = _ring(lab, LONG / 4)
+        if np.isfinite(short) and short < min(1.5, long**0.5):
+            return failed(
+                f"{told}first: {long:.3g} with dt = {LONG} h/c0, {short:.3g} with a quarter of it: "
+                "the steps put in energy",
+                "An oscillation that grows with dt is the mark of forward Euler, and of "
+                "accelerations or densities that lag a step behind: v first, x with the new v, "
+                "densities and forces at the new x. If the scheme is right, dt is too long for it.",
+                *numbers, tolerance="2",
+            )  # fmt: skip
+        return inconclusive(f"{told}first: {long:.3g}, and {short:.3g} with dt / 4", *numbers)
+    return passed(f"{told}first, with dt = {LONG} h/c0", *numbers, tolerance="2")
+
+
+def _ring(lab: Lab, share: float) -> float:
+    """Return the most kinetic energy in the last quarter of a run, in units of the first."""
+    x = lattice(6, 6)
+    s = np.pi * x / (6 * DX)
+    v = np.stack([np.sin(s[:, 0]) * np.cos(2 * s[:, 1]), 0.5 * np.sin(s[:, 1])], axis=1)
+    start = case(x, 0.02 * C0 * v)
+    subject, energies = lab.make(start), [float((start.v**2).sum())]
+    steps = round(10 / share)
+    for n in range(steps):
+        subject.step(duration(start, share))
+        if n > 0.75 * steps:
+            energies.append(float((subject.v**2).sum()))
+    return max(energies[1:]) / energies[0] if np.isfinite(energies).all() else np.inf

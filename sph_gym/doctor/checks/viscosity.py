@@ -1,0 +1,279 @@
+"""Does viscosity brake differences of velocity, by the strength that was asked for, and once?"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sph_gym.doctor.case import C0, DX, RHO0, Array, case, lattice
+from sph_gym.doctor.drag import (
+    SLOW,
+    Way,
+    built_in,
+    effective,
+    kick,
+    random_motion,
+    response,
+    shear,
+    way_of,
+)
+from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.registry import check
+
+# Strengths that pass, as shares of what was asked for; that are clearly twice; and clearly wrong.
+RIGHT, TWICE, WRONG = (0.65, 1.35), (1.7, 2.4), 3.0
+# The constant of three dimensions is 1.125 / h of that of two; other kernels have up to 1.5 / h.
+OF_3D = (0.73, 2.0)
+# Damping that nobody asked for and that is no fluid's any more [c0 h].
+JELLY = 0.3
+_NONE = "the same with case.viscosity and without: shows none"
+
+
+@check("viscosity", step=7, needs=("order",))
+def viscosity_damps(lab: Lab) -> Finding:
+    """Give a lattice a shear and random velocities: does viscosity brake or drive them?"""
+    way = way_of(lab)
+    if way is None:
+        return skipped(_NONE)
+    powers = []
+    for start in (shear(), random_motion(lab)):
+        drag = response(lab, start, way)
+        power = np.sum(drag * start.v)
+        powers.append(float(power / np.sum(np.linalg.norm(drag, axis=1) * _speed(start.v))))
+    if not np.isfinite(powers).all():
+        return inconclusive("a lattice in motion: accelerations are not finite")
+    numbers = (max(powers), -1.0)
+    if min(powers) > 0.05:
+        return failed(
+            "a lattice of 81, in a shear and with random velocities: viscosity drives the motion "
+            "that it should brake",
+            "The difference is v_j - v_i for the acceleration of i: turn the sign.",
+            *numbers,
+            unit="of the largest power",
+            tolerance="below 0.05",
+        )
+    if max(powers) > 0.05:
+        return inconclusive("viscosity brakes one motion and drives another", *numbers)
+    return passed(
+        "a lattice in a shear and with random velocities is braked",
+        *numbers,
+        unit="of the largest power",
+        tolerance="below 0.05",
+    )
+
+
+def _speed(v: Array) -> Array:
+    return np.asarray(np.linalg.norm(v, axis=1))
+
+
+@check("viscosity", step=7, needs=("viscosity_damps",))
+def viscosity_relative(lab: Lab) -> Finding:
+    """Add one velocity to all particles: viscosity must not notice."""
+    way = way_of(lab)
+    if way is None:
+        return skipped(_NONE)
+    start = random_motion(lab)
+    wind = replace(start, v=start.v + SLOW * C0 * np.array([1.0, -0.7]))
+    drag, in_wind = response(lab, start, way), response(lab, wind, way)
+    differs = float(np.abs(in_wind - drag).max()) / max(float(np.abs(in_wind).max()), 1e-300)
+    if not np.isfinite(differs):
+        return inconclusive("a lattice in motion: accelerations are not finite")
+    if differs > 0.05:
+        return failed(
+            "a lattice of 81 with random velocities: when all are given one more velocity, "
+            f"viscous accelerations change by {100 * differs:.2g} %: it brakes what moves as a "
+            "whole",
+            "Take differences of velocities, v_j - v_i, never v_i or v_j itself; a decay of all "
+            "velocities is no viscosity.",
+            differs,
+            0.0,
+            tolerance="0.05 of the largest",
+        )
+    return passed(
+        "viscosity doesn't notice a velocity of the whole",
+        differs,
+        0.0,
+        tolerance="0.05 of the largest",
+    )
+
+
+@check("viscosity", step=7, needs=("viscosity_damps",))
+def viscosity_momentum(lab: Lab) -> Finding:
+    """Move one particle in a lattice: what viscosity takes from it, its neighbours must get."""
+    way = way_of(lab)
+    if way is None:
+        return skipped(_NONE)
+    x = lattice(9, 9)
+    v = np.where(np.arange(81)[:, None] == 40, SLOW * C0 * np.array([1.0, 0.3]), 0.0)
+    # a support so small that all neighbours of the one are surrounded on all sides
+    drag = response(lab, case(x, v, h=2 * DX), way)
+    left = np.hypot(*drag.sum(axis=0)) / max(float(np.hypot(*drag[40])), 1e-300)
+    if not np.isfinite(left):
+        return inconclusive("one particle moves in a lattice: accelerations are not finite")
+    tolerance = "0.05 of what the one feels"
+    if left > 0.05:
+        return failed(
+            "one particle moves in a lattice of 81 at rest: viscous accelerations of all don't add "
+            f"up to 0, but to {100 * left:.2g} % of its own",
+            "What j does to i, i must do to j: give both of a pair their share, by the same "
+            "factor, symmetric in rho_i and rho_j.",
+            left,
+            0.0,
+            tolerance=tolerance,
+        )
+    return passed("viscosity keeps the momentum", left, 0.0, tolerance=tolerance)
+
+
+@check("viscosity", step=7, needs=("viscosity_relative", "viscosity_momentum"))
+def viscosity_strength(lab: Lab) -> Finding:
+    """Measure the viscosity of a shear, at two speeds of sound, sizes and viscosities."""
+    way = way_of(lab)
+    if way is None:
+        return skipped(_NONE)
+    arrives = kick(lab)
+    if not way.by_a and not abs(arrives - 1) < 0.02:
+        return inconclusive("velocities don't follow accelerations: integration", arrives, 1.0)
+    if "rho" in lab.shown:
+        rho = float(lab.density(shear())[40])
+        if not 0.75 < rho / RHO0 < 1.3:
+            return inconclusive("the density is wrong, by which viscosity is divided", rho, RHO0)
+    nu = effective(lab, way)
+    others = [
+        effective(lab, Way(way.by_a, 2 * way.viscosity)),
+        effective(lab, way, c0=2 * C0),
+        effective(lab, way, scale=2.0),
+    ]
+    if not (nu > 0 and np.isfinite(others).all() and min(others) > 0):
+        return inconclusive("a shear feels no viscosity", nu, way.viscosity, unit="m^2/s")
+    of_viscosity, of_c0, of_size = np.log2(np.array(others) / nu)
+    if abs(of_viscosity - 1) > 0.1:
+        return inconclusive("viscosity is not proportional to case.viscosity", nu, way.viscosity)
+    if way.by_a and abs(arrives - 1) < 0.02:
+        again = effective(lab, Way(False, way.viscosity)) / nu
+        if TWICE[0] < again < TWICE[1]:
+            return _too_thick(again, "velocities lose {:.2g} times what `a` says")
+    if abs(of_c0 - 1) < 0.2:
+        return _artificial(nu / (way.viscosity * C0 * 3 * DX))
+    if abs(of_c0) < 0.1 and abs(of_size) < 0.15:
+        return _clean(lab, way, nu)
+    if abs(of_c0) < 0.1 and abs(of_size + 1) < 0.2:
+        return _inverse(way, nu)
+    return inconclusive(
+        f"nu goes with c0^{of_c0:.2g} and with the size^{of_size:.2g}: no known form",
+        nu,
+        way.viscosity,
+        unit="m^2/s",
+    )
+
+
+def _artificial(alpha: float) -> Finding:
+    text = "viscosity is proportional to c0 h: case.viscosity is taken for alpha"
+    return passed(f"{text}; nu = {alpha:.2g} alpha c0 h", alpha, "1/32 to 1/8", unit="alpha c0 h")
+
+
+def _shares(way: Way, nu: float, asked: float) -> tuple[float, str]:
+    """Return nu as a share of what was asked for, as a kinematic or as a dynamic viscosity."""
+    kinematic, dynamic = nu / asked, nu * RHO0 / asked
+    if abs(np.log(kinematic)) < abs(np.log(dynamic)):
+        return kinematic, "kinematic"
+    return dynamic, "dynamic"
+
+
+def _clean(lab: Lab, way: Way, nu: float) -> Finding:
+    """Judge a viscosity that depends on nothing but case.viscosity."""
+    share, kind = _shares(way, nu, way.viscosity)
+    if RIGHT[0] < share < RIGHT[1]:
+        return passed(
+            f"a shear of 81 particles: the {kind} viscosity is {share:.3g} of what was asked for",
+            share,
+            1.0,
+            tolerance="0.35",
+        )
+    if not _linear(lab, way):
+        return inconclusive(f"only some pairs feel viscosity: {kind}", share, 1.0)
+    if TWICE[0] < share < TWICE[1]:
+        return _too_thick(share, "the fluid is {:.2g} times as viscous as was asked for")
+    if share > WRONG or share < 1 / WRONG:
+        return failed(
+            f"a shear of 81 particles, with two speeds of sound and two sizes: nu = {nu:.3g} "
+            f"m^2/s, for case.viscosity = {way.viscosity:.3g}",
+            "Divide by the densities: a_i = nu sum m_j / rho_j (v_j - v_i) Laplacian W, with "
+            "nu = mu / rho; the Laplacian of two dimensions is 40 / (pi h^5) (h - r).",
+            nu,
+            way.viscosity,
+            unit="m^2/s",
+            tolerance="a factor of 3",
+        )
+    return inconclusive(f"the {kind} viscosity is not what was asked for", share, 1.0)
+
+
+def _linear(lab: Lab, way: Way) -> bool:
+    """Return whether turning all velocities turns what viscosity does, as no switch would."""
+    start = random_motion(lab)
+    drag = response(lab, start, way)
+    turned = response(lab, replace(start, v=-start.v), way)
+    return bool(np.abs(drag + turned).max() < 0.02 * np.abs(drag).max())
+
+
+def _too_thick(share: float, what: str) -> Finding:
+    return failed(
+        f"a shear of 81 particles: {what.format(share)}",
+        "Viscosity is applied twice, and the fluid will be like jelly: once as a force and once "
+        "more to velocities, or by loops over i and j that both give both of a pair their share.",
+        share,
+        1.0,
+        tolerance="0.35",
+    )
+
+
+def _inverse(way: Way, nu: float) -> Finding:
+    """Judge a viscosity that goes with 1 / h, as constants of three dimensions make it."""
+    h = 3 * DX
+    share, kind = _shares(way, nu * h, way.viscosity)
+    text = f"{kind} viscosity is {share:.3g} / h of what was asked for, at h = {h} and {2 * h} m"
+    if OF_3D[0] < share < OF_3D[1]:
+        return failed(
+            f"a shear of 81 particles: the {text}: a constant of three dimensions",
+            "In two dimensions, the Laplacian of the viscosity kernel is 40 / (pi h^5) (h - r); "
+            "45 / (pi h^6) belongs to three.",
+            share / h,
+            1.0,
+            tolerance="0.35",
+        )
+    return inconclusive(f"the {text}", share / h, 1.0)
+
+
+@check("viscosity", step=7, needs=("order",))
+def no_jelly(lab: Lab) -> Finding:
+    """Measure what brakes a shear although no viscosity was asked for."""
+    h = 3 * DX
+    share = built_in(lab) / (C0 * h)
+    text = f"without viscosity, a shear feels nu = {share:.2g} c0 h"
+    if not share > JELLY:
+        return passed(text, share, 0.0, unit="c0 h", tolerance=f"below {JELLY}")
+    left = _left_of_a_wave(lab)
+    if not left < 0.6:
+        return inconclusive(f"{text}, but a wave keeps {100 * left:.2g} %", share, 0.0, unit="c0 h")
+    return failed(
+        f"{text}; of a wave 8 dx long, {100 * left:.2g} % is left after 5 steps of 0.1 h / c0",
+        "Too much damping, the fluid is like jelly: look for artificial viscosity with a large "
+        "alpha, a smoothing of velocities in every step, a viscosity that can't be turned off.",
+        share,
+        0.0,
+        unit="c0 h",
+        tolerance=f"below {JELLY}",
+    )
+
+
+def _left_of_a_wave(lab: Lab) -> float:
+    """Return the share of a shear wave that 5 usual steps leave, against that of a uniform flow."""
+    x = lattice(9, 9)
+    wave = np.sin(2 * np.pi * x[:, 1] / (8 * DX))
+    left = []
+    for shape in (wave, np.ones(81)):
+        v = SLOW * C0 * np.stack([shape, np.zeros(81)], axis=1)
+        start = case(x, v)
+        after = lab.run(start, start.dt, 5).v
+        inside = np.abs(x).max(axis=1) < 2.5 * DX
+        left.append((after * v)[inside].sum() / (v * v)[inside].sum())
+    return float(left[0] / left[1]) if left[1] > 0.05 else np.nan

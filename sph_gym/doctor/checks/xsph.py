@@ -1,0 +1,193 @@
+"""Does XSPH bring displacements nearer to those of the neighbours, and leave velocities alone?"""
+
+import numpy as np
+
+from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.registry import check
+from sph_gym.doctor.smoothing import (
+    EPSILON,
+    STEP,
+    added,
+    added_by_motion,
+    disturbed,
+    drift,
+    one_in_motion,
+    random_motion,
+    share,
+    smooths,
+    uniform_motion,
+)
+
+# Shares of epsilon by which random velocities are smoothed: normal for all kernels; impossible.
+NORMAL, IMPOSSIBLE = (0.3, 1.15), 2.0
+# A share of epsilon below which there is no XSPH.
+NONE = 2e-3
+_FORMULA = "The formula: x += dt (v_i + eps sum_j m_j / rho_j (v_j - v_i) W)"
+
+
+@check("xsph", step=7, needs=("order",))
+def xsph_off(lab: Lab) -> Finding:
+    """Give a lattice random velocities, epsilon = 0: does every particle move by its own?"""
+    if why := disturbed(lab):
+        return inconclusive(why)
+    start = random_motion(lab)
+    unasked = drift(lab, start, 0.0)
+    lost = share(unasked.moved - unasked.mean, start)
+    if not np.isfinite(lost):
+        return inconclusive("a lattice in motion: positions are not finite")
+    tolerance = "0.05 of the velocities"
+    if lost > 0.05:
+        return failed(
+            "a lattice of 81 with random velocities, epsilon = 0: particles move by "
+            f"{100 * lost:.2g} % less than by their velocities: smoothed",
+            "Take epsilon from case.xsph; 0 switches XSPH off.",
+            lost,
+            0.0,
+            tolerance=tolerance,
+        )
+    return passed(
+        "with epsilon = 0, particles move by their velocities", lost, 0.0, tolerance=tolerance
+    )
+
+
+def _useless(lab: Lab) -> Finding | None:
+    """Return why XSPH can't be judged, None if it can."""
+    if why := disturbed(lab):
+        return inconclusive(why)
+    if abs(smooths(lab)) < NONE * EPSILON:
+        return skipped("particles move the same with case.xsph and without: shows none")
+    return None
+
+
+@check("xsph", step=7, needs=("xsph_off",))
+def xsph_smooths(lab: Lab) -> Finding:
+    """Give a lattice random velocities: does XSPH bring displacements nearer to each other?"""
+    if useless := _useless(lab):
+        return useless
+    taken = smooths(lab) / EPSILON
+    numbers = (taken, 0.75)
+    tolerance = f"{NORMAL[0]} to {NORMAL[1]}"
+    text = f"a lattice of 81 with random velocities: XSPH takes {taken:.3g} epsilon of them away"
+    if taken < 0:
+        return failed(
+            f"{text}: it moves particles away from what their neighbours do",
+            f"Turn the sign. {_FORMULA}, v_j - v_i and not v_i - v_j.",
+            *numbers,
+            unit="epsilon",
+            tolerance=tolerance,
+        )
+    if taken > IMPOSSIBLE:
+        return _too_much(lab, taken, text)
+    if not NORMAL[0] < taken < NORMAL[1]:
+        return inconclusive(text, *numbers, unit="epsilon", tolerance=tolerance)
+    return passed(text, *numbers, unit="epsilon", tolerance=tolerance)
+
+
+def _too_much(lab: Lab, taken: float, text: str) -> Finding:
+    start = random_motion(lab)
+    halved = share(added(lab, start, step=STEP / 2), start) / EPSILON
+    cause = "Divide by the density: m_j / rho_j is the volume of a particle, about dx^2. "
+    if 1.7 < halved / taken < 2.3:
+        cause = "Multiply by the time step: what XSPH adds is a velocity. "
+    return failed(
+        f"{text}, more than all",
+        f"{cause}{_FORMULA}.",
+        taken,
+        0.75,
+        unit="epsilon",
+        tolerance=f"{NORMAL[0]} to {NORMAL[1]}",
+    )
+
+
+@check("xsph", step=7, needs=("xsph_smooths",))
+def xsph_epsilon(lab: Lab) -> Finding:
+    """Halve epsilon: does XSPH do half as much?"""
+    if useless := _useless(lab):
+        return useless
+    full = smooths(lab)
+    start = random_motion(lab)
+    ratio = share(added(lab, start, EPSILON / 2), start) / full
+    numbers = (ratio, 0.5)
+    if abs(ratio - 1) < 0.1:
+        return failed(
+            f"XSPH does as much with epsilon = {EPSILON / 2} as with {EPSILON}",
+            "Take epsilon from case.xsph, not a constant.",
+            *numbers,
+            tolerance="0.1",
+        )
+    if not abs(ratio - 0.5) < 0.1:
+        return inconclusive("XSPH is not proportional to epsilon", *numbers, tolerance="0.1")
+    return passed("half of epsilon does half as much", *numbers, tolerance="0.1")
+
+
+@check("xsph", step=7, needs=("xsph_smooths",))
+def xsph_relative(lab: Lab) -> Finding:
+    """Give all particles the same velocity: XSPH has nothing to smooth."""
+    if useless := _useless(lab):
+        return useless
+    start = uniform_motion()
+    more = float(np.abs(added_by_motion(lab, start)).max())
+    left = more / (EPSILON * float(np.hypot(*start.v[0])))
+    if not np.isfinite(left):
+        return inconclusive("a lattice in motion: positions are not finite")
+    tolerance = "0.05 of epsilon times the velocity"
+    if left > 0.05:
+        return failed(
+            "a lattice of 81 with one velocity: XSPH changes displacements by "
+            f"{left:.3g} epsilon times the velocity",
+            f"Sum differences of velocities. {_FORMULA}.",
+            left,
+            0.0,
+            tolerance=tolerance,
+        )
+    return passed("one velocity for all stays as it is", left, 0.0, tolerance=tolerance)
+
+
+@check("xsph", step=7, needs=("xsph_smooths", "xsph_relative"))
+def xsph_momentum(lab: Lab) -> Finding:
+    """Move one particle in a lattice: what XSPH takes from it, its neighbours must get."""
+    if useless := _useless(lab):
+        return useless
+    more = added_by_motion(lab, one_in_motion())
+    left = float(np.hypot(*more.sum(axis=0))) / max(float(np.hypot(*more[40])), 1e-300)
+    tolerance = "0.3 of what the one loses"
+    numbers = (left, 0.0)
+    if left > 0.3:
+        return failed(
+            "one particle moves in a lattice of 81 at rest: what XSPH adds to all doesn't add up "
+            f"to 0, but to {100 * left:.2g} % of what the one loses",
+            "What j does to i, i must do to j: give both of a pair their share, divided by "
+            "(rho_i + rho_j) / 2.",
+            *numbers,
+            tolerance=tolerance,
+        )
+    if not left < 0.1:
+        return inconclusive("XSPH does not quite keep the momentum", *numbers, tolerance=tolerance)
+    return passed("XSPH keeps the momentum", *numbers, tolerance=tolerance)
+
+
+@check("xsph", step=7, needs=("xsph_smooths",))
+def xsph_moves_only(lab: Lab) -> Finding:
+    """Compare velocities with XSPH and without: it must not change them."""
+    if useless := _useless(lab):
+        return useless
+    start = random_motion(lab)
+    with_it, without = drift(lab, start, EPSILON).v, drift(lab, start, 0.0).v
+    early, late = (share(one - other, start) for one, other in zip(with_it, without, strict=True))
+    numbers = (late, 0.0)
+    tolerance = "0.1 of the velocities"
+    if not np.isfinite(late):
+        return inconclusive("a lattice in motion: velocities are not finite")
+    if abs(late) > 0.1 and abs(late) > 1.2 * abs(early):
+        return failed(
+            f"a lattice of 81 with random velocities: in 6 short steps, XSPH takes "
+            f"{100 * late:.2g} % from the velocities themselves",
+            "XSPH is for moving particles only: keep the smoothed velocity apart from v, which "
+            "accelerations alone change.",
+            *numbers,
+            tolerance=tolerance,
+        )
+    if abs(late) > 0.1:
+        return inconclusive("v may be the smoothed velocity", *numbers, tolerance=tolerance)
+    return passed("XSPH leaves velocities alone", *numbers, tolerance=tolerance)

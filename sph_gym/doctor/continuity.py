@@ -36,43 +36,50 @@ def by_continuity(lab: Lab) -> Finding:
         return uneven(early.q, one_sided, np.zeros(len(rise)), 0.05 * np.abs(both).max())
     moved = np.abs(nearer) > 0.1 * np.abs(nearer).max()
     middle, slopes = ((early.q + late.q) / 2)[moved], (rise / np.where(moved, nearer, 1.0))[moved]
-    found = match(middle, slopes, "slope", alike=0.03)
     if slopes[np.argmax(np.abs(slopes))] < 0:
+        return _falling(slopes, bool(late.push.sum() > 1e-3 * C0**2 / H))
+    return _reach(middle, slopes) or _slopes_mass(lab, middle, slopes)
+
+
+def _falling(slopes: Array, pushes: bool) -> Finding:
+    """Return that densities fall where they should rise; pushes: whether pairs part even so."""
+    return failed(
         # thinned particles that push: the slope in the force has the wrong sign, too
-        both_ways = bool(late.push.sum() > 1e-3 * C0**2 / H)
-        return failed(
-            "pairs that approach each other: their densities fall"
-            + (
-                ", and yet they push each other: the slope of the kernel is upside down" * both_ways
-            ),
-            "d rho_i/dt = sum m_j (v_i - v_j) . grad_i W_ij: check the order of i and j, and the "
-            "sign of grad W, which points to the neighbour.",
-            float(slopes.min()),
-            "above 0",
-            unit="kg/m^3 per h",
-            link="force" if both_ways else "density",
-        )
-    far = (middle > 1.0) & (np.abs(slopes) > 1e-2 * np.abs(slopes).max())
+        "pairs that approach each other: their densities fall" + _UPSIDE_DOWN * pushes,
+        "d rho_i/dt = sum m_j (v_i - v_j) . grad_i W_ij: check the order of i and j, and the sign "
+        "of grad W, which points to the neighbour.",
+        float(slopes.min()),
+        "above 0",
+        unit="kg/m^3 per h",
+        link="force" if pushes else "density",
+    )
+
+
+def _reach(q: Array, slopes: Array) -> Finding | None:
+    """Return that slopes end elsewhere than at h, None if they don't."""
+    size = np.abs(slopes).max()
+    far = (q > 1.0) & (np.abs(slopes) > 1e-2 * size)
     if far.any():
         return failed(
             "pairs further apart than case.h change each other's density",
             SUPPORT_RADIUS,
-            f"to r = {middle[far].max():.2f} h",
+            f"to r = {q[far].max():.2f} h",
             "not beyond h",
         )
-    near = (middle > 0.65) & (middle < 0.76)
-    if near.any() and np.abs(slopes[near]).max() < 1e-4 * np.abs(slopes).max():
+    near = (q > 0.65) & (q < 0.76)
+    if near.any() and np.abs(slopes[near]).max() < 1e-4 * size:
         return failed(
             "pairs nearer than case.h don't change each other's density",
             SUPPORT_RADIUS,
-            f"none from r = {middle[near].min():.2f} h on",
+            f"none from r = {q[near].min():.2f} h on",
             "up to h",
         )
-    return _slopes_mass(lab, middle, slopes, found)
+    return None
 
 
-def _slopes_mass(lab: Lab, q: Array, slopes: Array, found: Match) -> Finding:
+def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Finding:
     """Return whether d rho/dt = -rho div v has the right size."""
+    found = match(q, slopes, "slope", alike=0.03)
     lab.facts["slope"], lab.facts["kernel"] = found, found.name
     mass = found.factor if found.kernel else integral(q, slopes * q) / 2
     plain = RHO0 / SUPPORT**2

@@ -7,7 +7,7 @@ import numpy as np
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
-from sph_gym.doctor.probes import STILL, Seen, fields, fluid, pairs_case, squeezing
+from sph_gym.doctor.probes import STILL, Seen, fields, fluid, pairs_case, squeezing, tolerant
 from sph_gym.doctor.registry import check
 
 H = SUPPORT * DX
@@ -31,6 +31,7 @@ class Law(NamedTuple):
 
 
 @check("pressure", step=6, needs=("isolated",), shows=("rho", "p"))
+@tolerant
 def equation_of_state(lab: Lab) -> Finding:
     """Squeeze a cloud: are pressures Tait's for the measured densities?"""
     rho, p = _samples(lab)
@@ -160,6 +161,7 @@ def _stiffness(lab: Lab, share: float, shown: str, wanted: str, numbers: dict[st
 
 
 @check("pressure", step=5, needs=("isolated",), shows=("rho", "p"))
+@tolerant
 def clamp(lab: Lab) -> Finding:
     """Look at pairs far below rho0: do pressures below zero pull them together?"""
     if lab.facts.get("density") == "continuity":
@@ -206,6 +208,7 @@ def _pull(start: Case, a: Array, n: int) -> float:
 
 
 @check("pressure", step=4, needs=("isolated", "equation_of_state"), shows=("rho", "p"))
+@tolerant
 def pressure_in_time(lab: Lab) -> Finding:
     """Let pairs collide: does each pressure belong to the density of the same evaluation?"""
     if lab.facts.get("density") != "summation":
@@ -259,6 +262,11 @@ def _after_motion(lab: Lab) -> Finding:
     x, v = subject.x, subject.v
     a = (subject.step(still).v - v) / still
     old, now = (fields(lab, case(where, v, **settings)) for where in (before, x))
+    return _in_time(a, old, now)
+
+
+def _in_time(a: Array, old: Seen, now: Seen) -> Finding:
+    """Return which pressures made the accelerations a; old: of the step before."""
     pushed = now.p > 1e-3 * TAIT
     size = float(np.abs(now.a).max())
     if not pushed.any() or not size:
@@ -267,20 +275,13 @@ def _after_motion(lab: Lab) -> Finding:
     late = [share, share * (now.rho / old.rho) ** 2]
     # a leapfrog's step is half of the old push and half of the new one
     late += [(1 + each) / 2 for each in late]
-    right = float(np.abs(a - now.a)[pushed].max()) / size
-    wrong = min(float(np.abs(a - s[:, None] * now.a)[pushed].max()) for s in late) / size
-    whole = float(np.abs(a - old.a)[pushed].max()) / size
-    if whole < min(right, wrong):
-        return inconclusive("colliding pairs: the whole push is that of one step before", right)
+    candidates = [now.a, old.a, *(each[:, None] * now.a for each in late)]
+    right, whole, *others = (float(np.abs(a - b)[pushed].max()) / size for b in candidates)
+    wrong = min(others)
+    numbers = {"unit": "of the push", "tolerance": "5 %"}
     if right < 0.05:
-        return passed("colliding pairs: pressures act in time", right, 0.0, unit="of the push")
-    if right > 0.1 and wrong < 0.2 * right:
-        return failed(
-            "colliding pairs are pushed by the pressures of one step before",
-            _IN_TIME,
-            right,
-            0.0,
-            unit="of the push",
-            tolerance="5 %",
-        )
-    return inconclusive("colliding pairs: the push is that of neither this step nor the last")
+        return passed("colliding pairs: pressures act in time", right, 0.0, **numbers)
+    if right > 0.1 and wrong < min(0.2 * right, whole):
+        what = "colliding pairs are pushed by the pressures of one step before"
+        return failed(what, _IN_TIME, right, 0.0, **numbers)
+    return inconclusive("colliding pairs: the push is no known one", right, 0.0, **numbers)

@@ -72,6 +72,8 @@ class Solver:
             self.m = case.rho0 / self.W(np.hypot(*np.meshgrid(k, k))).sum()
         self.X, self.V = case.x.astype(self.dtype), case.v.astype(self.dtype)
         self.wall_x = self._wall_particles()
+        walls = self.wall_x[:, None] - self.wall_x[None]
+        self.wall_rho = self.m * self.W(np.sqrt((walls**2).sum(axis=2))).sum(axis=1)
         self.R = np.full(self.n + len(self.wall_x), case.rho0)
         self.steps, self.before = 0, None
         self.A = self._accelerate(self.X, self.V)
@@ -120,8 +122,11 @@ class Solver:
         n, case = self.n, self.case
         every, r, e = self._pairs(x)
         if self.density == "sum":
-            R = np.sqrt(((every[:, None] - every[None]) ** 2).sum(axis=2))
-            rho = self.m * self.W(R).sum(axis=1)
+            w = self.m * self.W(r)
+            inside = w.sum(axis=1)
+            around = self.wall_rho + w[:, n : n + len(self.wall_x)].sum(axis=0)
+            images = (len(every) - n - len(around)) // n
+            rho = np.concatenate([inside, around, np.tile(inside, images)])
         elif rho is None:
             rho = self.R
         p = self._pressure(rho)
@@ -152,13 +157,17 @@ class Solver:
             full[n:] = self.m * (slope * (dv * e).sum(axis=2))[:, n:].sum(axis=0)
             self.drho = full
         g = case.gravity * {"gravity twice": 2, "gravity sign": -1}.get(self.fault, 1)
+        if self.fault == "hidden gravity":
+            g = g + np.array([0.0, -9.81])
         if self.fault == "gravity in the loop":
             g = g * (r < self.h).sum(axis=1)[:, None]
         self.rho, self.p = rho[:n].copy(), p[:n].copy()
         a = a + g + self._wall_force(x, v)
         if self.fault == "one axis":
             a[:, 0] = 0
-        self.a = a
+        if self.fault == "drag":
+            a = a - 20 * (r[:, : len(x)] < self.h).sum(axis=1)[:, None] * v + 20 * v
+        self.a = a * rho[:n, None] if self.fault == "shows forces" else a
         return a
 
     def _smooth(self, v):
@@ -178,6 +187,9 @@ class Solver:
             self.X, self.V = self.X.astype(self.dtype), self.V.astype(self.dtype)
             if self.fault == "decay":
                 self.V = self.V * 0.99
+            if self.fault == "speed limit":
+                speed = np.linalg.norm(self.V, axis=1, keepdims=True)
+                self.V = self.V / np.maximum(speed / (0.05 * self.case.c0), 1.0)
             self._bounce(dt)
         self.steps += 1
 
@@ -189,11 +201,18 @@ class Solver:
 
     def _euler(self, dt):
         A = self._accelerate(self.X, self.V)
-        self.V = self.V + dt * A
+        self.V = self.V + dt * A * (0.5 if self.fault == "half kick" else 1)
         self.X = self.X + dt * (self.V + self._smooth(self.V)) * (
             0.5 if self.fault == "half drift" else 1
         )
         self._flow(dt)
+
+    def _old_density(self, dt):
+        """Continuity with the velocities from before the kick."""
+        A = self._accelerate(self.X, self.V)
+        self._flow(dt)
+        self.V = self.V + dt * A
+        self.X = self.X + dt * (self.V + self._smooth(self.V))
 
     def _drift_first(self, dt):
         self.X = self.X + dt * (self.V + self._smooth(self.V))
@@ -285,6 +304,8 @@ class Solver:
         sides = [(0, x0, -1), (0, x1, 1), (1, y0, -1), (1, y1, 1)]
         if self.fault == "no right wall":
             del sides[1]
+        if self.fault == "no walls":
+            return []
         if self.fault == "floor only":
             sides = sides[2:3]
         return sides
@@ -326,6 +347,13 @@ class Solver:
             hit = deep > 0
             if fault == "leaks when fast":
                 hit &= deep < 0.1 * dx
+            if fault == "leaks at c0":
+                hit &= np.abs(self.V[:, axis]) < 0.5 * self.case.c0
+            if fault == "periodic":
+                self.X[hit, axis] -= 2 * side
+                continue
+            if fault == "walls of nan":
+                self.X[hit] = np.nan
             if fault == "first ten only":
                 hit &= np.arange(self.n) < 10
             if fault == "all on the wall":
@@ -434,4 +462,19 @@ HEALTHY = {
     "plain spiky": {"calibrated": False, "scheme": "kdk", "walls": "clamp", "restitution": 0.9},
     "substeps": {"scheme": "substeps", "walls": "penalty", "hide": OPTIONAL},
     "viscous": {"kernels": ("wendland",) * 2, "alpha": 0.3, "walls": "layers"},
+}
+
+_SPLINE = {"kernels": ("cubic",) * 2, "calibrated": False}
+WALLS = {
+    "on the side": {"walls": "layers", "first": 0.0, "layers": 3, **_SPLINE},
+    "two layers": {"walls": "layers", "layers": 2},
+    "a spacing off": {"walls": "layers", "first": 1.0, "layers": 3},
+    "without pressure": {"walls": "layers", "layers": 3, "frozen": True, **_SPLINE},
+    "ghosts": {"walls": "ghosts"},
+    "damped": {"walls": "damped", **_SPLINE},
+    "ahead": {"walls": "ahead", "restitution": 0.5},
+    "stand-off": {"walls": "standoff", "restitution": 0.3, **_SPLINE},
+    "no slip": {"walls": "no slip", "restitution": 1.0},
+    "stiff": {"walls": "penalty", "scheme": "kdk", **_SPLINE},
+    "drift first": {"walls": "mirror", "restitution": 1.0, "scheme": "dkd"},
 }

@@ -34,7 +34,15 @@ def findings(make):
     return {name: finding(make, name) for name in MINE}
 
 
-@pytest.mark.parametrize("name", HEALTHY)
+# Many particles in walls, or many pairs: these take some ten seconds each.
+SLOW = ("continuity, leapfrog", "viscous", "quintic", "ghosts", "a spacing off", "two layers")
+
+
+def some_slow(names):
+    return [pytest.param(k, marks=[pytest.mark.slow] * (k in SLOW)) for k in names]
+
+
+@pytest.mark.parametrize("name", some_slow(HEALTHY))
 def test_healthy_solvers_pass(name):
     make = maker(**HEALTHY[name])
     found = findings(make)
@@ -45,7 +53,7 @@ def test_healthy_solvers_pass(name):
         assert found[check][0] == "pass", found[check]
 
 
-@pytest.mark.parametrize("name", WALLS)
+@pytest.mark.parametrize("name", some_slow(WALLS))
 def test_healthy_walls_pass(name):
     for check in ("thrown_alone", "thrown_blocks", "tunnelling", "standing"):
         status, _, message = finding(maker(**WALLS[name]), check)

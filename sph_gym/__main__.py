@@ -59,12 +59,20 @@ def _add_run(commands: Any) -> None:
     add("--xsph", type=float, help="XSPH epsilon")
     add("--dtype", default="float64", help="float64 or float32")
     add("--neighbors", default="grid", help="grid, or brute: is the search to blame?")
-    add("--log", type=int, metavar="N", help="particles to log; by default 3, with gauges none")
+    text = "how many particles to log (by default 3, with gauges none), or what of those that "
+    text += "--particles names: rho, p, x, v, a, such as rho,p"
+    add("--log", metavar="N|NAMES", help=text)
+    add("--particles", metavar="I,J,...", help="indices; by default three, spread over the fluid")
     text = "pressure:X,Y velocity:X,Y level:X force:WALLS, named NAME=...; X,Y may be X,Y,RADIUS "
     text += "or X0,Y0,X1,Y1 for a mean; WALLS: particles, left, right, bottom, top, plate0, ..."
     add("--gauge", action="append", default=[], metavar="GAUGE", help=text)
-    add("--gauges", metavar="PATH", help="write the values of the gauges there, as CSV")
-    add("--every", type=float, metavar="SECONDS", help="between two rows, by default a frame")
+    text = "write the values of gauges and of --log NAMES there, as CSV"
+    add("--gauges", "--csv", metavar="PATH", help=text)
+    text = "between two rows: 0.002s or 5steps; a bare number counts steps with --log NAMES, else "
+    text += "seconds; by default a frame"
+    add("--every", metavar="TIME", help=text)
+    text = "nan, density, escape: stop at the first such particle and print its neighbourhood"
+    add("--break-on", metavar="CONDITIONS", help=text)
     add("--color", default="speed", help="speed, density, pressure or neighbors")
     add("--arrows", action="store_true", help="draw forces as arrows")
     show = run.add_mutually_exclusive_group()
@@ -74,7 +82,8 @@ def _add_run(commands: Any) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from sph_gym.run import Readings, run
+    from sph_gym.run import Every, Readings, run
+    from sph_gym.solver.break_on import BreakOn
     from sph_gym.solver.gauges import Gauge
     from sph_gym.solver.simulation import Simulation
 
@@ -85,9 +94,35 @@ def _run(options: argparse.Namespace) -> int:
     sim.controls = sim.controls._replace(**given)
     look = {name: getattr(options, name) for name in ("color", "arrows", "window", "video")}
     gauges = [Gauge.parse(text) for text in options.gauge]
-    readings = Readings(sim, gauges, options.gauges, options.every)
-    n_logged = options.log if options.log is not None else 0 if gauges else 3
+    n_logged, log = _logged(options, sim)
+    every = options.every
+    if every is not None:
+        every = Every.parse(every, "s" if log is None else "steps")
+    break_on = BreakOn(sim, options.break_on.split(",")) if options.break_on else None
+    readings = Readings(sim, gauges, options.gauges, every, log, break_on)
     return run(sim, options.seconds, n_logged, readings, save=options.save, **look)
+
+
+def _logged(options: argparse.Namespace, sim: Any) -> tuple[int, Any]:
+    """Return how many particles to log, and the log of those that are named, if any are."""
+    from sph_gym.run import LOGGED, spread
+    from sph_gym.solver.particle_log import ParticleLog
+
+    text = options.log
+    try:
+        count = None if text is None else int(text)
+    except ValueError:
+        count = None
+    if count is not None and options.particles is not None:
+        raise ValueError(f"--log: expected names such as rho,p with --particles, got {text}")
+    if count is not None:
+        return count, None
+    if text is None and options.particles is None:
+        return 0 if options.gauge else LOGGED, None
+    particles = options.particles
+    if particles is None:
+        particles = ",".join(map(str, spread(sim)))
+    return 0, ParticleLog.parse(text or "rho,p", particles)
 
 
 def _scene(name: str, assignments: list[str]) -> scenes.Scene:

@@ -12,14 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.files import atomic_write
-from sph_gym.solver.checks import positive
+from sph_gym.solver.break_on import BreakOn
+from sph_gym.solver.checks import positive, whole
 from sph_gym.solver.gauges import Gauge
+from sph_gym.solver.offender import Offender
+from sph_gym.solver.particle_log import ParticleLog
+from sph_gym.solver.report import count_substeps
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.warnings import short
 from sph_gym.trajectory import Recorder
 from sph_gym.view import Painter, Window, write_video
 
 VIDEO_WIDTH, VIDEO_FPS = 960, 30
+# So many particles are logged if nobody says which.
+LOGGED = 3
+# Characters of a time in a table of particles.
+TIME_WIDTH = 12
 
 
 class PictureStyle(NamedTuple):
@@ -29,12 +37,52 @@ class PictureStyle(NamedTuple):
     arrows: bool = False
 
 
+class Every(NamedTuple):
+    """How far rows of a table are apart at most. number: of "s", seconds, or "steps", substeps."""
+
+    number: float
+    unit: str = "s"
+
+    @classmethod
+    def parse(cls, text: str, unit: str = "s") -> "Every":
+        """Return the distance of a text such as "0.002s", "5steps", or a number in `unit`.
+
+        Raises ValueError for other texts, and for what is no whole number of steps above 0.
+        """
+        number, wanted = text.strip(), unit
+        for ending, name in (("steps", "steps"), ("step", "steps"), ("s", "s")):
+            if number.endswith(ending):
+                number, wanted = number[: -len(ending)], name
+                break
+        try:
+            value = float(number)
+        except ValueError:
+            raise ValueError(
+                f"every: expected seconds such as 0.002s or substeps such as 5steps, got {text!r}"
+            ) from None
+        value = whole("every", value, at_least=1) if wanted == "steps" else positive("every", value)
+        return cls(value, wanted)
+
+    def parts(self, seconds: float, dt: float) -> list[float]:
+        """Return the parts [s] of a time, after each of which there is a row; dt: of a step [s]."""
+        if self.unit == "s":
+            n = max(math.ceil(seconds / self.number - 1e-9), 1)
+            return [seconds / n] * n
+        n_steps, step = count_substeps(seconds, dt), int(self.number)
+        exact = seconds / n_steps
+        rest = n_steps % step
+        return [exact * step] * (n_steps // step) + [exact * rest] * (rest > 0)
+
+
 class Readings:
-    """The values of gauges over the time of a simulation, for the console and for a CSV file.
+    """The values of gauges and particles over time, for the console and for a CSV file.
 
     path: of the CSV file, which appears when it is closed, also after an exception or Ctrl-C;
-    every: longest time between two rows [s], by default a frame. Raises ValueError for gauges
-    that the scene can't have, FileNotFoundError if there is no such directory.
+    every: at most so far apart are two rows, by default a frame, which ends with one in any case;
+    log: particles to read with the gauges; break_on:
+    what to stop at; it is looked for after every row, after every step if `every` isn't given.
+    Raises ValueError for gauges and particles that the scene can't have, FileNotFoundError if
+    there is no such directory.
     """
 
     def __init__(
@@ -42,42 +90,61 @@ class Readings:
         sim: Simulation,
         gauges: Sequence[Gauge] = (),
         path: str | os.PathLike[str] | None = None,
-        every: float | None = None,
+        every: Every | None = None,
+        log: ParticleLog | None = None,
+        break_on: BreakOn | None = None,
     ) -> None:
-        if (path is not None or every is not None) and not gauges:
-            raise ValueError("gauges: expected at least one, for a table or a time between rows")
+        if path is not None and not gauges and log is None:
+            raise ValueError("gauges: expected at least one, or quantities to log, for a table")
+        if every is not None and not gauges and log is None and break_on is None:
+            raise ValueError(
+                "every: expected a gauge, quantities to log or a condition to break on"
+            )
         if path is not None and not Path(path).parent.is_dir():
             raise FileNotFoundError(f"gauges: expected a file in a folder, got {str(path)!r}")
         self._sim, self.gauges, self.path = sim, tuple(gauges), path
-        self._every = math.inf if every is None else positive("every", every)
-        self.columns = [name for gauge in self.gauges for name in gauge.columns]
+        self._every, self.log, self.break_on = every, log, break_on
+        self.offender: Offender | None = None
+        if log is not None:
+            log.check(sim)
+        self._read = (*self.gauges, *(() if log is None else (log,)))
+        self.columns = [name for each in self._read for name in each.columns]
         self.rows = [self._row()]
 
     def _row(self) -> list[float]:
-        values = [value for gauge in self.gauges for value in gauge.read(self._sim).tolist()]
+        values = [value for each in self._read for value in each.read(self._sim).tolist()]
         return [self._sim.time, *values]
 
     def advance(self, seconds: float) -> Report:
-        """Advance the simulation, in equal parts with a reading after each."""
-        parts, n_substeps = max(math.ceil(seconds / self._every - 1e-9), 1), 0
-        for _ in range(parts):
-            report = self._sim.advance(seconds / parts)
+        """Advance the simulation in parts, with a reading after each, up to the first offender."""
+        every, n_substeps = self._every, 0
+        if every is None and self.break_on is not None:
+            every = Every(1, "steps")
+        dt = self._sim.controls.dt
+        for part in [seconds] if every is None else every.parts(seconds, dt):
+            report = self._sim.advance(part)
             n_substeps += report.n_substeps
-            if self.gauges:
+            if self.break_on is not None:
+                self.offender = self.break_on.find()
+            ends = report.diverged or self.offender is not None
+            if self._read and (self._every is not None or ends):
                 self.rows.append(self._row())
-            if report.diverged:
+            if ends:
                 break
+        else:
+            if self._read and self._every is None:
+                self.rows.append(self._row())
         return report._replace(n_substeps=n_substeps)
 
     def heading(self) -> list[str]:
         """Return the headings of the console's columns."""
         return [f"{name:>11}" for name in self.columns]
 
-    def line(self) -> list[str]:
-        """Return the last values, as wide as their headings."""
+    def line(self, k: int = -1) -> list[str]:
+        """Return the values of row k, the last one by default, as wide as their headings."""
         widths = (max(len(name), 11) for name in self.columns)
-        values = self.rows[-1][1:]
-        return [f"{value:{width}.4g}" for value, width in zip(values, widths, strict=True)]
+        values = self.rows[k][1:]
+        return [f"{value:{width}.5g}" for value, width in zip(values, widths, strict=True)]
 
     def __enter__(self) -> "Readings":
         return self
@@ -95,17 +162,18 @@ class Readings:
 def run(
     sim: Simulation,
     seconds: float | None = None,
-    n_logged: int = 3,
+    n_logged: int = LOGGED,
     readings: Readings | None = None,
     window: bool = False,
     video: str | None = None,
     save: str | None = None,
     **style: Any,
 ) -> int:
-    """Run a simulation and show it; return 1 if it blew up, else 0.
+    """Run a simulation and show it; return 1 if it blew up or came to a break, else 0.
 
     seconds: physical time [s], by default the scene's duration; n_logged: how many particles to
-    log, spread evenly over the fluid; readings: of gauges, logged and recorded as well; window:
+    log, spread evenly over the fluid, where `readings` name none; readings: of gauges and
+    particles, printed, those of gauges recorded as well; a break ends the run; window:
     watch it, until the window is closed; video: film it there; save: where a `Recorder` puts the
     start and every frame; style: the parts of a `PictureStyle`. Warnings of the simulation are
     printed as they appear, and at the end in one line. Raises ValueError for wrong values and
@@ -130,10 +198,10 @@ def run(
     if sim.warnings:
         print(f"warnings: {', '.join(map(short, sim.warnings))}")
     if readings.path is not None:
-        print(f"gauges: {readings.path}")
+        print(f"table: {readings.path}")
     if save is not None:
         print(f"trajectory: {save}")
-    return int(sim.last_report.diverged)
+    return int(sim.last_report.diverged or readings.offender is not None)
 
 
 def _watch(sim: Simulation, frames: Iterator[None], window: Window) -> None:
@@ -148,25 +216,44 @@ def _watch(sim: Simulation, frames: Iterator[None], window: Window) -> None:
 def _frames(
     sim: Simulation, until: float, n_logged: int, readings: Readings, recorder: Recorder | None
 ) -> Iterator[None]:
-    """Advance frame by frame, log and record after each; ends at `until` or with a blow-up."""
-    logged = np.linspace(0, sim.n_fluid - 1, min(max(n_logged, 0), sim.n_fluid)).astype(int)
-    print("  ".join([_heading(logged), *readings.heading()]))
+    """Advance frame by frame, log and record after each; ends at `until`, a break or a blow-up."""
+    logged = spread(sim, n_logged)
+    print("  ".join([_heading(logged, readings), *readings.heading()]))
     told = _tell(sim, set())
     if recorder is not None:
         recorder.record()
+    n_shown = 0
     while sim.time < until * (1 - 1e-9):
         report = readings.advance(min(sim.scene.frame, until - sim.time))
-        print("  ".join([_line(sim, report.n_substeps, logged), *readings.line()]))
+        if readings.log is None:
+            print("  ".join([_line(sim, report.n_substeps, logged), *readings.line()]))
+        else:
+            for k in range(n_shown, len(readings.rows)):
+                print("  ".join([f"{readings.rows[k][0]:{TIME_WIDTH}.6g}", *readings.line(k)]))
+            n_shown = len(readings.rows)
         told = _tell(sim, told)
         if recorder is not None:
             recorder.record()
         yield
-        if report.diverged:
-            print(
-                f"blew up: cause {report.cause}, first in the link {report.link!r}, "
-                f"particle {report.bad_particle}, after {report.n_substeps} substeps of this frame"
-            )
+        if report.diverged or readings.offender is not None:
+            _tell_end(report, readings)
             return
+
+
+def spread(sim: Simulation, n: int = LOGGED) -> NDArray[Any]:
+    """Return the indices of n particles, spread evenly over the fluid; of all if there are less."""
+    return np.linspace(0, sim.n_fluid - 1, min(max(n, 0), sim.n_fluid)).astype(int)
+
+
+def _tell_end(report: Report, readings: Readings) -> None:
+    """Print why the run ended early."""
+    if report.diverged:
+        print(
+            f"blew up: cause {report.cause}, first in the link {report.link!r}, "
+            f"particle {report.bad_particle}, after {report.n_substeps} substeps of this frame"
+        )
+    if readings.break_on is not None and readings.offender is not None:
+        print(*readings.break_on.describe(readings.offender), sep="\n")
 
 
 def _tell(sim: Simulation, told: set[str]) -> set[str]:
@@ -177,7 +264,9 @@ def _tell(sim: Simulation, told: set[str]) -> set[str]:
     return told | {warning.kind for warning in sim.warnings}
 
 
-def _heading(logged: NDArray[Any]) -> str:
+def _heading(logged: NDArray[Any], readings: Readings) -> str:
+    if readings.log is not None:
+        return f"{'t [s]':>{TIME_WIDTH}}"
     columns = [f"rho/rho0 #{i}   p #{i} [Pa]" for i in logged]
     return "  ".join(["   t [s]  substeps  v_max [m/s]  density error", *columns])
 

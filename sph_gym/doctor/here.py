@@ -85,7 +85,7 @@ def here(
     """Return a factory of this solver with the given settings.
 
     kernel, integrator: as in `Scene`; density: "summation" or "continuity"; walls: the sides of
-    the box as mirrors, "box", or boundary particles, "like fluid" or "extrapolated"; dtype,
+    the box as mirrors, "box", or with boundary particles, "like fluid" or "extrapolated"; dtype,
     neighbors: as in `Simulation`. Raises ValueError for unknown names.
     """
     known("kernel", kernel, ALL_KERNELS)
@@ -156,7 +156,8 @@ def _walls(case: Case, kind: str) -> Walls | None:
     if case.box is None or not np.isfinite(case.box).any():
         return None
     box: Any = case.box
-    return Walls(box=box) if kind == "box" else Walls(particles=_layers(case), pressure=kind)
+    # fast particles pass boundary particles alone: as in the scenes, the box is there, too
+    return Walls(box=box) if kind == "box" else Walls(_layers(case), box, pressure=kind)
 
 
 def _layers(case: Case) -> Array:

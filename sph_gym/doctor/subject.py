@@ -36,6 +36,10 @@ class Hang(Exception):
     """A call into the solver did not return."""
 
 
+class Waits(Exception):
+    """What steps are needed for can't be told: the name of the check that found them broken."""
+
+
 class TooSlow(Exception):
     """A check ran out of its time although every call returned."""
 
@@ -47,11 +51,18 @@ class _Alarm(BaseException):
 class Subject:
     """A solver that was made for one case.
 
-    All arrays are returned as float64 copies. Raises Misfit, Crash, Hang or Unsupported.
+    All arrays are returned as float64 copies. broken_clock: the check that has found that steps do
+    not take dt seconds, after which there are none. Raises Misfit, Crash, Hang or Unsupported.
     """
 
-    def __init__(self, factory: Factory, case: Case, deadline: float = float("inf")) -> None:
-        self.case, self._deadline = case, deadline
+    def __init__(
+        self,
+        factory: Factory,
+        case: Case,
+        deadline: float = float("inf"),
+        broken_clock: str = "",
+    ) -> None:
+        self.case, self._deadline, self._broken_clock = case, deadline, broken_clock
         self.n_steps = 0
         self._solver = self._call("make(case)", lambda: factory(case.copy()))
         if self._solver is None:
@@ -66,6 +77,8 @@ class Subject:
 
     def step(self, dt: float, n: int = 1) -> "Subject":
         """Advance n steps of dt seconds each, and return self."""
+        if self._broken_clock:
+            raise Waits(self._broken_clock)
         for _ in range(n):
             if time.monotonic() > self._deadline:
                 raise TooSlow

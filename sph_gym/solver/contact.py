@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver.checks import known
-from sph_gym.solver.confinement import Box
 from sph_gym.solver.forces import add_pair, load_target, no_sums
 from sph_gym.solver.jit import jit, jitable
 from sph_gym.solver.lanes import broadcast, like, minimum, select, store, unpack
+from sph_gym.solver.loads import OUTWARD, side_forces, stretches
 from sph_gym.solver.model import with_controls
 from sph_gym.solver.neighbors import group_size, neighbor, wall_range
-from sph_gym.solver.sampling import clamped, fit, positions, pressure_at, sides
+from sph_gym.solver.pressures import pressure_at
+from sph_gym.solver.sampling import clamped, fit, positions, sides
 from sph_gym.solver.state import column
 from sph_gym.solver.walls import SIDES
 
@@ -27,8 +28,6 @@ ANY_SIDE = -1
 EVERY = 0.5
 # Multiple of dx: fluid particles beside a plate that are farther apart leave it dry in between.
 GAP = 1.5
-# The normals of `SIDES`, out of the box.
-OUTWARD = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
 
 
 def force_on(sim: "Simulation", walls: Any) -> Array:
@@ -42,9 +41,9 @@ def force_on(sim: "Simulation", walls: Any) -> Array:
     now, so that momentum balances to rounding. On a side with boundary particles beyond it: of
     those pairs whose line passes that side of the box, the method of planes (Todd, Evans, Daivis
     1995); within h of a corner each component counts for the side that it is normal to. On a side
-    that mirrors the fluid: of the images behind it. On both faces of a plate: `pressure_at`
-    integrated along it, normal to it. What the box or a plate takes from particles that hit it is
-    in none of them.
+    that mirrors the fluid: of the images behind it, and of particles that lie where the box clamps.
+    On both faces of a plate: `pressure_at` integrated along it, normal to it. What the box or a
+    plate takes from particles that hit it is in none of them.
 
     Raises ValueError for other words, a side where the box is open, an index out of range, a mask
     of another length, and a scene that doesn't have such walls.
@@ -219,33 +218,13 @@ def _of_side(sim: "Simulation", side: int) -> Array:
         return _of_particles(sim, np.ones(len(walls), bool), side)
     mirrors = sim.engine.model.mirrors
     if mirrors is not None and np.isfinite(mirrors[side]):
-        return _of_images(sim, side)
+        return side_forces(sim, [side]).sum() * OUTWARD[side]
     low = max(low, fluid[:, along].min() - sim.scene.dx)
     high = min(high, fluid[:, along].max() + sim.scene.dx)
     ends = np.full((2, 2), box[side])
     ends[:, along] = low, high
     points, length = _points(sim, *ends)
     return pressure_at(sim, points).sum() * length * OUTWARD[side]
-
-
-def _of_images(sim: "Simulation", side: int) -> Array:
-    """Return the force [N/m] on a side that mirrors the fluid: of the images behind it.
-
-    It is normal to the side, since images along the other axis add up to nothing there.
-    """
-    engine, axis = sim.engine, side // 2
-    whole, total = engine.model, np.zeros(2)
-    assert whole.mirrors is not None
-    sides = list(whole.mirrors)
-    sides[side] = engine.dtype(OUTWARD[side, axis] * np.inf)
-    try:
-        for mirrors, sign in ((Box(*sides), 1.0), (whole.mirrors, -1.0)):
-            engine.model = whole._replace(mirrors=mirrors)
-            # the last ones stay, as those of the present state
-            total[axis] += sign * engine.accelerations(sim.time)[axis].sum(dtype=np.float64)
-    finally:
-        engine.model = whole
-    return sim.mass * total
 
 
 def _of_plate(sim: "Simulation", plate: Array) -> Array:
@@ -276,10 +255,7 @@ def _covered(places: Array, length: float, beside: Array, dx: float) -> Array:
     places: (m,) their middles, each of this length; beside: (n,) places of fluid particles dx
     apart, n >= 1, along the line, which is wet up to dx / 2 beyond them; all in [m].
     """
-    beside = np.sort(beside)
-    gaps = np.diff(beside) > GAP * dx
-    begins = beside[np.append(True, gaps)] - dx / 2
-    ends = beside[np.append(gaps, True)] + dx / 2
+    begins, ends = stretches(beside, dx, GAP)
     low, high = (places + sign * length / 2 for sign in (-1, 1))
     wet = np.minimum(high[:, None], ends) - np.maximum(low[:, None], begins)
     return np.asarray(np.maximum(wet, 0.0).sum(axis=1) / length)

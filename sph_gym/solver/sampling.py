@@ -1,4 +1,4 @@
-"""The fluid at places where no particle is: pressure, velocity, and the level of the surface.
+"""The fluid at places where no particle is: values, velocities, and the level of the surface.
 
 Queries for Python, in plain numpy: they cost nothing in a step.
 """
@@ -26,24 +26,12 @@ CHUNK = 1_000_000
 WET, SLOPE, SMOOTHING, STEP = 1.25, 0.2, 2.0, 0.125
 
 
-def pressure_at(sim: "Simulation", points: ArrayLike) -> Array:
-    """Return the pressures (m,) [Pa] of the fluid at points (m, 2) [m]; 0 where there is none.
-
-    A plane is fitted to the pressures of the fluid particles within h, so that the pressure on a
-    wall is right where it grows towards it. Points farther than 1.25 dx from all fluid particles
-    are dry. Not below 0 in a fluid whose pressures are clamped. Raises ValueError for points that
-    are not finite and of shape (m, 2).
-    Source: moving least squares of first order, Lancaster & Salkauskas 1981.
-    """
-    x, _ = positions(sim)
-    found = fit(sim, points, x, sim.p[: sim.n_fluid, None])[:, 0]
-    return clamped(sim, np.nan_to_num(found, nan=0.0))
-
-
 def velocity_at(sim: "Simulation", points: ArrayLike) -> Array:
     """Return the velocities (m, 2) [m/s] of the fluid at points (m, 2) [m]; NaN where it is dry.
 
-    Fitted as in `pressure_at`; raises as it does.
+    A plane is fitted to the velocities of the fluid particles within h. Points farther than 1.25 dx
+    from all of them are dry. Raises ValueError for points that are not finite and of shape (m, 2).
+    Source: moving least squares of first order, Lancaster & Salkauskas 1981.
     """
     x, _ = positions(sim)
     return fit(sim, points, x, sim.v[: sim.n_fluid])

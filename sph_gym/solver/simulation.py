@@ -15,8 +15,9 @@ from sph_gym.solver.engine import Engine
 from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.model import particle_mass
 from sph_gym.solver.origin import moved, origin
+from sph_gym.solver.pressures import pressure_at
 from sph_gym.solver.report import Report, Underway, count_substeps
-from sph_gym.solver.sampling import level_at, pressure_at, velocity_at
+from sph_gym.solver.sampling import level_at, velocity_at
 from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.snapshot import read_snapshot
 from sph_gym.solver.state import Controls

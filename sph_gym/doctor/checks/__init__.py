@@ -4,14 +4,15 @@ The motion of lone particles comes first, since accelerations are measured by ti
 shows only that something is wrong, not where, comes last.
 """
 
-from sph_gym.doctor.checks import setup, integration, density  # isort: skip
+from sph_gym.doctor.checks import setup, integration, density, flows  # isort: skip
 from sph_gym.doctor.checks import neighbours, places, sums, meetings  # isort: skip
 from sph_gym.doctor.checks import pressure, force, pair_force, black_box, scheme  # isort: skip
-from sph_gym.doctor.checks import viscosity, xsph, walls, whole  # isort: skip
+from sph_gym.doctor.checks import viscosity, xsph, whole, walls, tank  # isort: skip
 
 __all__ = [
     "black_box",
     "density",
+    "flows",
     "force",
     "integration",
     "meetings",
@@ -22,6 +23,7 @@ __all__ = [
     "scheme",
     "setup",
     "sums",
+    "tank",
     "viscosity",
     "walls",
     "whole",

@@ -8,12 +8,13 @@ from sph_gym.doctor.case import DX, SUPPORT, Array, Case, case, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.subject import Crash
 
 # Far enough for a solver that takes h for the smoothing length of a kernel that ends at 3 h.
 _FAR = 7 * SUPPORT * DX
 # Time steps, in units of what sound takes across the support. The longer is `Case.dt`: a solver
-# may refuse longer ones.
-LONG, SHORT = 0.1, 0.02
+# may refuse longer ones. The longest is long enough for one that divides steps into sub-steps.
+LONG, SHORT, LONGEST = 0.1, 0.02, 1.0
 _STEPS = 10
 # Lone particles feel nothing but rounding, magnified where velocities are differences of positions.
 _LONE = 5e-3
@@ -67,10 +68,32 @@ def flight(lab: Lab) -> Finding:
         return _decay(kept)
     if max(abs(each - 1) for each in moved) > 2 * _LONE:
         return _drift(moved)
+    divided = _divided(lab, start)
+    if divided:
+        return divided
     return passed(
         f"nine lone particles in {_STEPS} steps at two dt: displacement over v t, and v kept "
         f"(factor {kept[0]:.4g})",
         moved[0], 1.0, tolerance="1 %",
+    )  # fmt: skip
+
+
+def _divided(lab: Lab, start: Case) -> Finding | None:
+    """Return what is wrong with a long step that the solver may divide, None if nothing is."""
+    dt = duration(start, LONGEST)
+    try:
+        x1, v1, x2, v2 = _course(lab, start, dt, 2)
+    except Crash:
+        return None  # too long a step may be refused
+    moved = factor(x2 - x1, (v1 + v2) / 2 * 2 * dt)
+    if not np.isfinite(moved) or abs(moved - 1) < 2 * _LONE or np.abs(v2 - start.v).max() > _LONE:
+        return None
+    return failed(
+        f"nine lone particles fly straight with short steps; with dt = {LONGEST:g} h/c0 they are "
+        f"displaced by {moved:.4g} v t",
+        "A long step is divided into sub-steps whose durations don't add up to dt, or it is cut "
+        "off: give each sub-step dt / n.",
+        moved, 1.0, tolerance="1 %",
     )  # fmt: skip
 
 

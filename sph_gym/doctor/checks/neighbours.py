@@ -104,7 +104,7 @@ def _missing(
     numbers = (int(missing.sum()), 0)
     listed = near & ~missing
     reach = r[listed].max() / start.h if listed.any() else 0.0
-    if listed.any() and r[missing].min() > r[listed].max() - 1e-6 * start.h:
+    if reach < 0.95 and r[missing].min() > r[listed].max() - 1e-6 * start.h:
         text += f"; no pair beyond {reach:.2f} h is"
         soft = ends_softly(lab, reach)
         if soft is None:

@@ -116,6 +116,15 @@ def _judge(lab: Lab, law: Law) -> Finding:
         )
     if abs(share - 1) < 0.03 and not off:
         return passed("a squeezed cloud: Tait's equation", shown, wanted, **numbers)
+    if abs(law.offset / law.stiffness - 1) < 0.05:
+        return failed(
+            f"a squeezed cloud: p = {law.offset:.3g} Pa at rho0, where it should be 0: that is B",
+            "The - 1 of Tait's equation is missing, so that fluid at rest is under pressure. "
+            + _TAIT,
+            shown,
+            wanted,
+            **numbers,
+        )
     if off:
         return inconclusive(
             f"a squeezed cloud: p = {law.offset:.3g} Pa at rho0", shown, wanted, **numbers

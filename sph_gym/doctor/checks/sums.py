@@ -1,16 +1,26 @@
 """Are densities the sums over all neighbours within the support, each counted once?"""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sph_gym.doctor.case import Array
+from sph_gym.doctor.case import DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.groups import respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.weights import DISTANCES, STEP, Weights, pair_weights
 
 # Densities of the crowd agree with the sums over pairs so far, or clearly don't.
 AGREE, DISAGREE = 0.01, 0.03
+# So many particles must have their full sums before others are said to have too few.
+MANY = 8
+# What a pair feels, at distances 0.0125 h apart, dies away by a larger step than this.
+BREAK = 0.65
+LOOKS_TOO_NEAR = (
+    "The search looks less far than the kernel: give it the support radius case.h, not the "
+    "smoothing length."
+)
 
 
 @check("neighbours", step=2, needs=("order",), shows=("rho",))
@@ -34,6 +44,41 @@ def pair_sums(lab: Lab) -> Finding:
         unit="of the sum over pairs",
         tolerance=f"{AGREE}",
     )
+
+
+@check("neighbours", step=2, needs=("order",))
+def pair_reach(lab: Lab) -> Finding:
+    """Put pairs at many distances: what they feel must die away, not break off, towards h."""
+    start, center, r = _spaced_pairs(lab)
+    response = respond(lab, start, center)
+    if not response.finite:
+        return inconclusive("pairs at many distances: some accelerations are not finite")
+    a = np.linalg.norm(response.a.reshape(len(r), 2, 2), axis=2).mean(axis=1)
+    felt_at = np.flatnonzero(a > 1e-6 * a.max())
+    if not (a.max() > 1e-6 * start.c0**2 / start.h and len(felt_at) > 2):
+        return inconclusive("pairs don't feel each other, at rest or in motion")
+    last = felt_at[-1]
+    numbers = (float(r[last]), 1.0)
+    if r[last] < 0.96 and a[last] > BREAK * a[last - 1]:
+        return failed(
+            f"pairs at {len(r)} distances: the nearer ones push each other, still with "
+            f"{a[last]:.3g} m/s^2 at {r[last]:.4g} h, but not at all from there on",
+            LOOKS_TOO_NEAR,
+            *numbers,
+            unit="h",
+        )
+    return passed("what pairs feel dies away with their distance", *numbers, unit="h")
+
+
+def _spaced_pairs(lab: Lab) -> tuple[Case, Array, Array]:
+    """Return pairs of so squeezed a fluid that they feel pressure, their centres, distances [h]."""
+    h = 1.05 * DX
+    r = np.arange(0.2, 1.05, 0.0125)
+    places = lattice(9, 8, 4 * h)[: len(r)]
+    turned = lab.rng.uniform(0, 2 * np.pi, len(r))
+    half = 0.5 * h * r[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=1)
+    x = np.stack([places - half, places + half], axis=1).reshape(-1, 2)
+    return case(x, h=h), np.repeat(places, 2, axis=0), r
 
 
 def _one_sided(weights: Weights) -> Finding | None:
@@ -77,8 +122,7 @@ def _cut_off(weights: Weights) -> Finding | None:
     return failed(
         f"pairs at {len(DISTANCES)} distances: the nearer ones add to each other's densities, "
         f"{last:.3g} kg/m^3 still at {ends} h, but nothing from there on",
-        "The search looks less far than the kernel: give it the support radius case.h, not the "
-        "smoothing length.",
+        LOOKS_TOO_NEAR,
         ends,
         1.0,
         unit="h",
@@ -95,14 +139,15 @@ def _crowded(weights: Weights) -> Finding | None:
     fine, short = np.abs(shares - 1) < AGREE, shares < 1 - DISAGREE
     if fine.all():
         return None
-    if not (short.any() and fine.any()) or counts[fine].max() > counts[short].min() + 1:
+    if not short.any() or (shares > 1 + DISAGREE).any():
         return _unclear(shares)
-    if (shares > 1 + DISAGREE).any() or _capped(weights.rho[short[: len(weights.rho)]]):
+    few = counts < counts[short].min()
+    if few.sum() < MANY or short[~few].mean() < 0.5 or _capped(weights, short):
         return _unclear(shares)
     return failed(
-        f"{len(shares)} particles: densities of those with few neighbours, up to "
-        f"{counts[fine].max()}, are the sums over them, but of those with more, up to "
-        f"{counts.max()}, a part is missing: {100 * (1 - shares.min()):.0f} % in the worst case",
+        f"{len(shares)} particles: densities of those with less than {counts[short].min()} "
+        f"neighbours are the sums over them, but of those with more, up to {counts.max()}, a part "
+        f"is missing: {100 * (1 - shares.min()):.0f} % in the worst case",
         "Lists hold too few neighbours and drop what comes after: let them grow, or stop with an "
         f"error; {counts.max()} neighbours are common.",
         float(shares.min()),
@@ -112,9 +157,10 @@ def _crowded(weights: Weights) -> Finding | None:
     )
 
 
-def _capped(rho: Array) -> bool:
+def _capped(weights: Weights, short: NDArray[np.bool_]) -> bool:
     """Return whether densities end at one value, which is a limit of densities, not of lists."""
-    return len(rho) > 1 and np.ptp(rho) < 1e-6 * rho.max()
+    rho = weights.rho[short[: len(weights.rho)]]
+    return len(rho) > 1 and float(np.ptp(rho)) < 1e-6 * float(rho.max())
 
 
 def _unclear(shares: Array) -> Finding:

@@ -1,0 +1,151 @@
+"""Does the momentum of a free flow stay, does energy come from nowhere?"""
+
+import math
+
+import numpy as np
+
+from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.passive.laws import sound_speed
+from sph_gym.doctor.passive.survey import Survey
+from sph_gym.doctor.reading.frames import Array
+from sph_gym.solver.scene import Scene
+
+# Momentum may change by this share of what the particles have without their directions.
+DRIFT = 0.01
+# Energy from nowhere, as a share of what is at stake: kernels that aren't matched heat a little.
+SURPLUS = 0.3
+# The fluid burst if its mean kinetic energy is above this share of c0^2 / 2.
+BURST = 1.0
+
+
+def momentum(survey: Survey) -> Finding:
+    """Compare the mean velocity of the fluid with that of a free fall."""
+    looks, scene = survey.looks, survey.known.scene
+    if survey.first.v is None or survey.change is not None or len(looks) < 3:
+        return skipped("needs velocities, the same particles in all frames, and three frames")
+    times = np.array([look.time for look in looks])
+    mean = np.array([look.velocity for look in looks])
+    size = math.sqrt(2 * max(look.kinetic for look in looks))
+    change = mean - mean[0]
+    unit = {"unit": "change of the mean velocity, as a share of the speeds"}
+    if scene is not None:
+        if scene.walls is not None or (scene.effects.field is not None and not _uniform(scene)):
+            return inconclusive("walls and forces from outside change the momentum", **unit)
+        fall = scene.effects.gravity_at(0.0) * (times - times[0])[:, None]
+        off = float(np.abs(change - fall).max()) / max(size, 1e-300)
+        if off < DRIFT:
+            return passed("the momentum is that of a free fall", off, 0.0, tolerance="0.01", **unit)
+        return failed(
+            "the fluid is free but for gravity, and yet its momentum changes: particles push "
+            "others harder than they are pushed back",
+            "Give both particles of a pair the same force: -m (p_i / rho_i^2 + p_j / rho_j^2) "
+            "times the gradient, or a mean of the two pressures.",
+            off,
+            0.0,
+            tolerance=f"{DRIFT:g}",
+            **unit,
+        )
+    off = float(np.abs(change).max()) / max(size, 1e-300)
+    if off < DRIFT:
+        return passed("the momentum stays: no force from outside acts", off, 0.0, **unit)
+    if np.isfinite(times).all() and np.ptp(times) > 0:
+        g = np.array([np.polyfit(times - times[0], column, 1)[0] for column in change.T])
+        rest = change - g * (times - times[0])[:, None]
+        if np.abs(rest - rest.mean(axis=0)).max() < DRIFT * size:
+            text = ", ".join(f"{part:.4g}" for part in g)
+            return passed(f"the momentum changes as under a gravity of ({text}) m/s^2")
+    return inconclusive(
+        "the momentum changes; what walls and gravity do to it can't be told", off, 0.0, **unit
+    )
+
+
+def energy(survey: Survey) -> Finding:
+    """Look for kinetic energy that neither gravity nor compression can have given."""
+    if survey.first.v is None or survey.n_frames < 2:
+        return skipped("needs velocities and two frames")
+    kinetic = np.array([look.kinetic for look in survey.looks])
+    c = sound_speed(survey)
+    if math.isfinite(c) and kinetic.max() > BURST * c**2 / 2 > kinetic[0]:
+        return failed(
+            f"the mean kinetic energy grows to {kinetic.max() / (c**2 / 2):.3g} times that of all "
+            f"particles at the speed of sound ({c:.4g} m/s)",
+            _CAUSES,
+            float(kinetic.max() / (c**2 / 2)),
+            f"below {BURST:g}",
+            unit="c0^2 / 2",
+        )
+    scene = survey.known.scene
+    if scene is None or survey.first.rho is None or not _closed(scene) or not _steady(survey):
+        return inconclusive(
+            "what walls, gravity and controls give to the fluid can't be told", float(kinetic.max())
+        )
+    return _balance(survey, scene, kinetic)
+
+
+_CAUSES = (
+    "Halve the time step first: if the energy then stays away, it was too long for the stiffness. "
+    "Else look at the symmetry and the sign of the pressure force, and at walls that give back "
+    "more speed than came."
+)
+
+
+def _balance(survey: Survey, scene: Scene, kinetic: Array) -> Finding:
+    g = scene.effects.gravity_at(0.0)
+    potential = np.array([-float(g @ look.center) for look in survey.looks])
+    stored = _stored(survey, scene)
+    total = kinetic + potential - kinetic[0] - potential[0] - stored
+    stake = max(float(np.max(kinetic)), float(np.ptp(potential)), stored, 1e-300)
+    worst = float(np.max(total)) / stake
+    # a fluid at rest that trembles has no energy worth speaking of
+    quiet = kinetic.max() < (0.01 * scene.fluid.c0) ** 2 / 2
+    if worst < SURPLUS or quiet:
+        return passed("no energy comes from nowhere", max(worst, 0.0), 0.0,
+                      unit="share of the energy at stake", tolerance=f"{SURPLUS:g}")  # fmt: skip
+    k = int(np.argmax(total))
+    return failed(
+        f"in {survey.when(k)}, kinetic and potential energy are more than at the start, with all "
+        "that compression had stored, by a share that can't come from within",
+        _CAUSES,
+        worst,
+        0.0,
+        unit="share of the energy at stake",
+        tolerance=f"{SURPLUS:g}",
+    )
+
+
+def _stored(survey: Survey, scene: Scene) -> float:
+    """Return the mean energy of compression of frame 0 [m^2/s^2], by Tait's equation."""
+    fluid, rho = scene.fluid, survey.first.rho
+    assert rho is not None
+    known = survey.known.stiffness
+    stiffness = fluid.stiffness(fluid.c0) if known is None else float(np.max(known))
+    ratio = rho / fluid.rho0
+    if fluid.clamp:
+        ratio = np.maximum(ratio, 1.0)
+    if fluid.gamma == 1:
+        energy = np.log(ratio) + 1 / ratio - 1
+    else:
+        power = fluid.gamma - 1
+        energy = (ratio**power - 1) / power + 1 / ratio - 1
+    return float(np.mean(stiffness / fluid.rho0 * energy))
+
+
+def _uniform(scene: Scene) -> bool:
+    """Return whether gravity is the same at all times and places."""
+    times = np.linspace(0.0, scene.duration, 7)
+    values = np.array([scene.effects.gravity_at(t) for t in times])
+    return type(scene.effects.field).__name__ == "Gravity" and not np.ptp(values, axis=0).any()
+
+
+def _closed(scene: Scene) -> bool:
+    """Return whether nothing from outside but a uniform gravity does work on the fluid."""
+    walls, effects = scene.walls, scene.effects
+    still = walls is None or (
+        walls.motion is None and not np.any(walls.velocities) and not walls.is_periodic
+    )
+    return still and effects.surface_tension is None and (effects.field is None or _uniform(scene))
+
+
+def _steady(survey: Survey) -> bool:
+    known = survey.known.stiffness
+    return known is None or bool(np.ptp(known) == 0)

@@ -1,0 +1,113 @@
+"""Do particles leave through walls, or far away from the fluid?"""
+
+import numpy as np
+
+from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.passive.survey import Survey, nearest
+from sph_gym.doctor.reading import Frame
+
+# A path that crosses the border of the walls nearer to one than this [spacings] went through.
+GAP = 0.75
+# So many extents of all others away, a particle is lost.
+FAR = 3.0
+_LEAK = (
+    "Shorten the time step so that nothing crosses a wall in one; let walls clamp the position and "
+    "reflect the normal velocity; or line them with boundary particles, as many layers as the "
+    "support is wide. A side without any wall leaks from the start."
+)
+
+
+def escape(survey: Survey) -> Finding:
+    """Look for particles beyond a known box, through walls of particles, or far from all others."""
+    if not survey.samples or len(survey.first.x) < 8:
+        return skipped("too few particles")
+    scene = survey.known.scene
+    walls = None if scene is None else scene.walls
+    if walls is not None and (walls.is_periodic or walls.motion is not None):
+        return inconclusive("walls that move and periodic sides are not judged")
+    if walls is not None and walls.box is not None:
+        found = _beyond(survey, walls.box)
+        if found is not None:
+            return found
+    if survey.walls is not None and survey.change is None and not survey.reordered:
+        found = _through(survey, survey.walls)
+        if found is not None:
+            return found
+    return _far(survey)
+
+
+def _beyond(survey: Survey, box: tuple[float, float, float, float]) -> Finding | None:
+    low, high = np.array(box[::2]), np.array(box[1::2])
+    for k, frame in zip(survey.sampled, survey.samples, strict=True):
+        depth = np.maximum(low - frame.x, frame.x - high).max(axis=1)
+        i = int(np.argmax(depth))
+        if depth[i] > survey.spacing:
+            return failed(
+                f"in {survey.when(k)}, {(depth > survey.spacing).sum()} particles are more than a "
+                f"spacing outside the box; particle {survey.name(frame, i)} is at "
+                f"({frame.x[i, 0]:.4g}, {frame.x[i, 1]:.4g}) m",
+                _LEAK,
+                float(depth[i]) / survey.spacing,
+                0.0,
+                unit="spacings outside",
+                tolerance="1",
+            )
+    return None
+
+
+def _through(survey: Survey, walls: np.ndarray) -> Finding | None:
+    """Find a path that leaves the rectangle around all walls where a wall particle is."""
+    low, high = walls.min(axis=0), walls.max(axis=0)
+    for k, a, b in survey.pairs():
+        found = _crossing(a, b, low, high)
+        if found is None:
+            continue
+        i, points = found
+        gaps = nearest(points, walls) / survey.spacing
+        leaks = gaps < GAP
+        if leaks.any():
+            first = int(np.argmax(leaks))
+            return failed(
+                f"after {survey.when(k)}, {leaks.sum()} particles leave the rectangle around the "
+                f"walls; particle {survey.name(a, int(i[first]))} does so through a wall particle, "
+                f"{gaps[first]:.2g} spacings from it",
+                _LEAK,
+                int(leaks.sum()),
+                0,
+                unit="particles",
+            )
+    return None
+
+
+def _crossing(a: Frame, b: Frame, low: np.ndarray, high: np.ndarray) -> tuple | None:
+    """Return which particles leave the rectangle between two frames, and where (m, d) [m]."""
+    inside = ((a.x >= low) & (a.x <= high)).all(axis=1)
+    outside = ((b.x < low) | (b.x > high)).any(axis=1)
+    i = np.flatnonzero(inside & outside)
+    if not len(i):
+        return None
+    start, way = a.x[i], b.x[i] - a.x[i]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(way > 0, (high - start) / way, (low - start) / way)
+    shares = np.where(way == 0, np.inf, shares).min(axis=1)
+    return i, start + shares[:, None] * way
+
+
+def _far(survey: Survey) -> Finding:
+    """Look for particles far from where all others are."""
+    worst, where, n = 0.0, 0, 0
+    for k, frame in zip(survey.sampled, survey.samples, strict=True):
+        middle = np.median(frame.x, axis=0)
+        size = np.quantile(np.abs(frame.x - middle), 0.9, axis=0).max() + survey.spacing
+        away = np.abs(frame.x - middle).max(axis=1) / size
+        if away.max() > worst:
+            worst, where, n = float(away.max()), k, int((away > FAR).sum())
+    if worst > FAR:
+        return inconclusive(
+            f"in {survey.when(where)}, {n} particles are more than {FAR:g} times as far from the "
+            "middle as nine tenths of the fluid; without known walls this may be spray",
+            worst,
+            FAR,
+            unit="extents of the fluid",
+        )
+    return passed("all particles stay together", worst, FAR, unit="extents of the fluid")

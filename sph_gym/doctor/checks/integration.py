@@ -200,7 +200,7 @@ _FALL_STEPS = (LONG, LONG / 2)
 _FALL_ERROR = 0.03
 
 
-@check("integration", needs=("flight",))
+@check("integration", needs=("flight", "galilean"))
 def free_fall(lab: Lab) -> Finding:
     """Let lone particles and a block fall along x, along y and askew: dv/dt must be g."""
     for gravity in _FALLS:

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import gymnasium as gym
 import pytest
 
-import sph_gym  # noqa: F401  registers the environments
+import sph_gym
 import sph_gym.doctor  # noqa: F401  fills CHECKS
 from sph_gym import scenes, studies
 from sph_gym.doctor.faults import FAULTS

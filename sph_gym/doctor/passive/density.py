@@ -34,34 +34,31 @@ def interior_density(survey: Survey) -> Finding:
         assert frame.rho is not None
         if (frame.rho <= 0).any():
             return _not_positive(survey, frame)
+    return _against_crowding(survey, frames)
+
+
+def _against_crowding(survey: Survey, frames: list[Frame]) -> Finding:
     crowding = [_crowding(survey, frame) for frame in frames]
     usual = float(np.median(crowding[0][crowding[0] >= np.median(crowding[0])]))
     inside = [_is_inside(each, usual) for each in crowding]
     if inside[0].sum() < 10:
         return inconclusive("hardly any particle is surrounded by others at the start")
-    medians = np.array([np.median(f.rho[m]) for f, m in zip(frames, inside, strict=True)
-                        if f.rho is not None and m.sum() >= 10])  # fmt: skip
+    medians = [float(np.median(f.rho[m])) for f, m in zip(frames, inside, strict=True)
+               if f.rho is not None and m.sum() >= 10]  # fmt: skip
     rest, (low, high) = _rest(survey)
     if not math.isnan(rest) and not low < medians[0] / rest < high:
-        return _not_at_rest(float(medians[0]), rest)
+        return _not_at_rest(medians[0], rest)
     if _never_renewed(survey, frames, usual):
-        return failed(
-            "every particle keeps the density of frame 0 to the last digit, while those around it "
-            "change",
-            "Sum the densities in every step, after particles have moved and before pressures are "
-            "computed.",
-            "the same",
-            "another one",
-        )
+        return _kept()
     if survey.change is None and not survey.reordered:
         worst = max(_share_off(frames[0], f, inside[0] & m)
                     for f, m in zip(frames, inside, strict=True))  # fmt: skip
         if worst > FEW:
             return _disagrees(worst)
-    expected = float(medians[0]) if math.isnan(rest) else rest
+    expected = medians[0] if math.isnan(rest) else rest
     return passed(
         "densities inside the fluid stay near rest",
-        float(medians[-1]),
+        medians[-1],
         expected,
         unit="kg/m^3, median inside",
         tolerance="half, where as many particles are near as at the start",
@@ -78,6 +75,9 @@ def _rest(survey: Survey) -> tuple[float, tuple[float, float]]:
         usual = abs(float(np.median(nearest(survey.first.x))) / scene.dx - 1) < 0.1
         return scene.fluid.rho0, REST if usual else (0.0, math.inf)
     found = law(survey)
+    vanish = any((frame.p <= 0).any() for frame in survey.samples if frame.p is not None)
+    if not vanish:
+        return math.nan, (0.0, math.inf)  # a background pressure hides the density at rest
     # a fluid may begin in loose order, but hardly pressed to a multiple of its density
     return math.nan if found is None or found.misfit > FITS else found.rho0, (0.0, PRESSED)
 
@@ -145,6 +145,17 @@ def _not_at_rest(measured: float, rest: float) -> Finding:
         rest,
         unit="kg/m^3",
         tolerance=f"{REST[0]:g} to {REST[1]:g} times, {PRESSED:g} if the spacing isn't known",
+    )
+
+
+def _kept() -> Finding:
+    return failed(
+        "every particle keeps the density of frame 0 to the last digit, while those around it "
+        "change",
+        "Sum the densities in every step, after particles have moved and before pressures are "
+        "computed.",
+        "the same",
+        "another one",
     )
 
 

@@ -110,7 +110,8 @@ class Survey:
             values = getattr(frame, column)
             if values is None:
                 continue
-            wrong = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+            finite = np.isfinite(values)
+            wrong = ~(finite.all(axis=1) if values.ndim == 2 else finite)
             if wrong.any():
                 i = int(np.argmax(wrong))
                 return Bad(k, column, self.name(frame, i), int(wrong.sum()))

@@ -199,11 +199,14 @@ def nearest(x: Array, others: Array | None = None) -> Array:
     return distances(x, others, 1)[:, 0] if len(others) else np.full(len(x), np.inf)
 
 
-def distances(x: Array, others: Array, k: int) -> Array:
-    """Return (n, k) distances [m] to the k nearest of the others, infinite where there are less."""
+def distances(x: Array, others: Array, k: int, reach: float = math.inf) -> Array:
+    """Return (n, k) distances [m] to the k nearest of the others within reach [m], else infinite.
+
+    Raises ImportError that names the extra if scipy is missing.
+    """
     with needs_extra("studies"):
         from scipy.spatial import cKDTree
-    found = np.asarray(cKDTree(others).query(x, k=k)[0], np.float64)
+    found = np.asarray(cKDTree(others).query(x, k, distance_upper_bound=reach)[0], float)
     return found.reshape(len(x), k)
 
 

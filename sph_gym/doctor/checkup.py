@@ -48,12 +48,8 @@ class Checkup:
         """Return the result of one check, done now if it wasn't before, as is what it needs."""
         check = CHECKS[known("check", name, CHECKS)]
         if name not in self.results:
-            for needed in check.needs:
+            for needed in _before(check) if check.last else check.needs:
                 self.result(needed)
-            if check.last:
-                for other in CHECKS.values():
-                    if not other.last:
-                        self.result(other.name)
             self.results[name] = self._do(check)
         return self.results[name]
 
@@ -80,11 +76,9 @@ class Checkup:
             return skipped("left out as was asked")
         if self._hung:
             return Finding("blocked", message=f"the solver hung in {self._hung}")
-        before = [self.results[name] for name in check.needs]
-        if check.last:
-            before = list(self.results.values())
-        for other in before:
-            if other.broken or other.status == "xfail" or (not check.last and _stuck(other)):
+        for name in _before(check) if check.last else check.needs:
+            other = self.results[name]
+            if other.broken or other.status == "xfail" or (name in check.needs and _stuck(other)):
                 return Finding("blocked", message=f"waits for {other.check}, which {_how(other)}")
         missing = [name for name in check.shows if name not in self._lab.shown]
         if missing:
@@ -110,6 +104,11 @@ class Checkup:
         except Exception as error:
             # an experiment that a solver's numbers lead astray must not end in a traceback
             return inconclusive(f"the measured numbers could not be used: {error!r:.200}")
+
+
+def _before(check: Check) -> list[str]:
+    names = list(CHECKS)
+    return names[: names.index(check.name)]
 
 
 def _stuck(result: Result) -> bool:

@@ -10,8 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import Array
+from sph_gym.doctor.case import GAMMA, Array
+from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.laws import KERNELS, Kernel, lattice_sum
+from sph_gym.doctor.pair_faults import FAULTS, LINEAR, SOUND, Fault
 
 # A law explains a measurement if it is nowhere off by more than this share, and a faulty law is
 # believed only if every sound one is so many times as far off.
@@ -39,135 +41,6 @@ class Series(NamedTuple):
     partners: int = 1
 
 
-class Fault(NamedTuple):
-    """One thing that may be wrong in a pair law, and what it does to it.
-
-    own: the particle's own share; solid_*: the constant of three dimensions; mass, force, both:
-    factors of the mass, of the force, and of every sum over pairs; exponent, stiffness: of
-    p = stiffness ((rho/rho0)^exponent - 1) / exponent, None for gamma; reach: of the kernels, in h.
-    """
-
-    link: str = ""
-    name: str = ""
-    remedy: str = ""
-    own: float = 1.0
-    solid_density: bool = False
-    solid_force: bool = False
-    mass: float = 1.0
-    force: float = 1.0
-    both: float = 1.0
-    exponent: float | None = None
-    stiffness: float = 1.0
-    clamp: bool = True
-    reach: float = 1.0
-    pairing: bool = False
-
-
-_GAMMA = 7.0
-FAULTS = (
-    Fault(
-        "neighbours",
-        "each pair counts twice",
-        "Visit every pair once a particle: cells visited twice, or a list with both orders, "
-        "double the sums.",
-        both=2.0,
-    ),
-    Fault(
-        "density",
-        "no self-contribution",
-        "Begin each sum with the particle's own share, rho[i] = m W(0, h).",
-        own=0.0,
-    ),
-    Fault(
-        "density",
-        "self-contribution twice",
-        "Add the particle's own share once: a search that also finds the particle itself adds it.",
-        own=2.0,
-    ),
-    Fault(
-        "density",
-        "density kernel with the constant of three dimensions",
-        "Use the constants of 2D: poly6 4/(pi h^8), cubic spline 40/(7 pi h^2).",
-        solid_density=True,
-    ),
-    Fault(
-        "density",
-        "both kernels with the constants of three dimensions",
-        "Use the constants of 2D: poly6 4/(pi h^8), spiky slope -30/(pi h^5).",
-        solid_density=True,
-        solid_force=True,
-    ),
-    Fault("density", "mass twice", "The mass is rho0 dx^2 in 2D.", mass=2.0),
-    Fault("density", "mass half", "The mass is rho0 dx^2 in 2D.", mass=0.5),
-    *(
-        Fault(
-            "density",
-            f"kernel that ends at {reach:g} h",
-            "case.h is the SUPPORT radius: a smoothing length is a half or a third of it.",
-            reach=reach,
-        )
-        for reach in (0.5, 2.0, 1 / 3)
-    ),
-    Fault(
-        "pressure",
-        "B without gamma",
-        "B is rho0 c0^2 / gamma.",
-        stiffness=_GAMMA,
-    ),
-    Fault(
-        "pressure",
-        "linear gas law",
-        "Use Tait's equation, p = B ((rho/rho0)^7 - 1) with B = rho0 c0^2 / 7.",
-        exponent=1.0,
-    ),
-    Fault(
-        "pressure",
-        "linear gas law with Tait's B",
-        "Use Tait's equation, p = B ((rho/rho0)^7 - 1): the exponent is missing.",
-        exponent=1.0,
-        stiffness=1 / _GAMMA,
-    ),
-    *(
-        Fault(
-            "pressure",
-            f"exponent {gamma:g} instead of 7",
-            "Tait's equation has the exponent gamma in both places, case.gamma.",
-            exponent=gamma,
-            stiffness=stiffness,
-        )
-        for gamma in (1.4, 2.0, 3.0, 5.0, 6.0, 8.0)
-        for stiffness in (1.0, gamma / _GAMMA)
-    ),
-    Fault(
-        "pressure",
-        "pressures below zero",
-        "Cut pressures off at zero: p = max(0, p).",
-        clamp=False,
-    ),
-    Fault(
-        "force",
-        "slope of poly6 for the pressure force",
-        "Use the spiky slope, -30/(pi h^5) (h - r)^2: that of poly6 vanishes at short distance, "
-        "and particles pair up.",
-        pairing=True,
-    ),
-    Fault(
-        "force",
-        "slope a third as large",
-        "The slope of the spiky kernel in 2D is -30/(pi h^5) (h - r)^2, not -10/(pi h^5).",
-        force=1 / 3,
-    ),
-    Fault(
-        "force",
-        "slope with the constant of three dimensions",
-        "Use the slope of 2D: -30/(pi h^5) (h - r)^2 for the spiky kernel.",
-        solid_force=True,
-    ),
-    Fault("force", "force twice", "Each pair is to push once.", force=2.0),
-    Fault("force", "wrong sign", "Count the minus signs of the slope.", force=-1.0),
-)
-
-
 class Law(NamedTuple):
     """A pair law that was compared with a measurement.
 
@@ -190,34 +63,36 @@ class Law(NamedTuple):
         return f"{kernels}; {mass}{form}" + (f"; {self.fault.name}" if self.fault else "")
 
 
-_SOUND = Fault()
 _NAMES = list(KERNELS)
 
 
 def force(law: Law, one: Series, at: Array) -> Array:
     """Return the forces (k,) of a law for densities of pairs at one.q and slopes at `at`."""
-    fault = law.fault or _SOUND
+    fault = law.fault or SOUND
     model = _model(one, fault, law.calibrated, at)
     return np.asarray(law.form * model[_NAMES.index(law.density), _NAMES.index(law.slope)])
 
 
 def density(law: Law, one: Series) -> Array:
     """Return rho / rho0 (k,) that a law gives pairs at one.q."""
-    rho = _densities(one, law.fault or _SOUND, law.calibrated)[1]
+    rho = _densities(one, law.fault or SOUND, law.calibrated)[1]
     return np.asarray(rho[_NAMES.index(law.density)])
 
 
 def laws(series: list[Series]) -> tuple[Law, Law]:
     """Return the best sound law and the best faulty one."""
-    sound = min(_fits(series, _SOUND), key=lambda law: law.error)
-    faulty = min((law for f in FAULTS for law in _fits(series, f)), key=lambda law: law.error)
+    sound = min(_fits(series, SOUND), key=lambda law: law.error)
+    # where densities are measured, other checks have judged them
+    links = ("pressure", "force") if series[0].density is not None else LINKS
+    faults = [fault for fault in FAULTS if fault.link in links or fault.solid_density]
+    faulty = min((law for f in faults for law in _fits(series, f)), key=lambda law: law.error)
     return sound._replace(fault=None), faulty
 
 
 def scaled_law(series: list[Series]) -> Law:
-    """Return the sound law that is best when all forces are multiplied by one number."""
-    best = min(_fits(series, _SOUND, scaled=True), key=lambda law: law.error)
-    return best._replace(fault=None)
+    """Return the law that is best when forces are multiplied by one number, sound or linear."""
+    found = [law for f in (SOUND, LINEAR) for law in _fits(series, f, scaled=True)]
+    return min(found, key=lambda law: law.error)
 
 
 def _fits(series: list[Series], fault: Fault, scaled: bool = False) -> Iterator[Law]:
@@ -265,8 +140,9 @@ def _model(one: Series, fault: Fault, calibrated: bool, at: Array | None = None)
     masses, rho = _densities(one, fault, calibrated)
     load = masses[:, None] * _pressure(rho, fault) / np.maximum(rho, 1e-12) ** 2
     q = (one.q if at is None else at) / fault.reach
+    arm = q * fault.reach * one.h if fault.times_r else 1.0
     slopes = [
-        kernel.slope(q) * (kernel.solid / one.h if fault.solid_force else 1.0)
+        kernel.slope(q) * (kernel.solid / one.h if fault.solid_force else 1.0) * arm
         if kernel.pairing == fault.pairing
         else np.full(len(q), np.nan)
         for kernel in KERNELS.values()
@@ -277,16 +153,16 @@ def _model(one: Series, fault: Fault, calibrated: bool, at: Array | None = None)
 
 def _densities(one: Series, fault: Fault, calibrated: bool) -> tuple[Array, Array]:
     """Return masses (kernel,) in rho0 h^2 and densities (kernel, distance) in rho0."""
-    masses, rho = [], []
+    masses, rho, reach = [], [], fault.reach * fault.reach_density
     for kernel in KERNELS.values():
-        constant = (kernel.solid / one.h if fault.solid_density else 1.0) / fault.reach**2
-        mass = fault.mass * _mass(kernel, one.ratio, calibrated, constant, fault.reach)
-        around = kernel.weight(one.q / fault.reach)
+        constant = (kernel.solid / one.h if fault.solid_density else 1.0) / reach**2
+        mass = fault.mass * _mass(kernel, one.ratio, calibrated, constant, reach)
+        around = kernel.weight(one.q / reach)
         if one.start is None:
             own = fault.own * float(kernel.weight(np.zeros(1))[0])
             rho.append(mass * constant * (own + fault.both * one.partners * around))
         else:
-            rho.append(1 + mass * constant * (around - kernel.weight(one.start / fault.reach)))
+            rho.append(1 + mass * constant * (around - kernel.weight(one.start / reach)))
         masses.append(mass)
     if one.density is not None:
         rho = [one.density] * len(masses)
@@ -295,8 +171,12 @@ def _densities(one: Series, fault: Fault, calibrated: bool) -> tuple[Array, Arra
 
 def _pressure(rho: Array, fault: Fault) -> Array:
     """Return p / (rho0 c0^2)."""
-    exponent = fault.exponent or _GAMMA
-    p = fault.stiffness / exponent * (np.maximum(rho, 0.0) ** exponent - 1)
+    exponent = fault.exponent or GAMMA
+    if fault.upside_down:
+        rho = 1 / np.maximum(rho, 1e-12)
+    p = fault.stiffness / exponent * (np.maximum(rho, 0.0) ** exponent - 1 + fault.rest)
+    if fault.absolute:
+        return np.abs(p)
     return np.maximum(p, 0.0) if fault.clamp else p
 
 

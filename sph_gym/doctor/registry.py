@@ -16,7 +16,8 @@ class Check(NamedTuple):
     name: that of its function; link: the link of the chain that it speaks of; step: the step of
     the playbook, 0 for none; needs: names of earlier checks without which it would tell nothing:
     where one of them failed, this one is blocked; shows: optional attributes that the solver must
-    have; last: it shows that something is wrong, not where, and is done only if nothing failed.
+    have; last: it shows that something is wrong, not where, and is done only if nothing before it
+    failed.
     """
 
     name: str

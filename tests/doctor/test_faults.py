@@ -9,6 +9,9 @@ from sph_gym.doctor.faults import FAULTS, make
 from sph_gym.doctor.matrix import BARE, Outcome, examine, show, summary
 from sph_gym.doctor.registry import CHECKS
 
+# Positions and velocities alone don't tell whether forces have too much gravity, or steps.
+ALIKE = {"gravity_again": "force"}
+
 
 @pytest.fixture(autouse=True)
 def _impatient(monkeypatch):
@@ -42,7 +45,7 @@ def test_the_whole_diagnosis_begins_with_its_link(name):
 @pytest.mark.parametrize("name", FAULTS)
 def test_with_x_and_v_alone_no_earlier_link_is_blamed(name):
     outcome = examine(name, FAULTS[name].link, lambda: make(name), BARE)
-    assert outcome.found in ("", outcome.link), outcome
+    assert outcome.found in ("", outcome.link, ALIKE.get(name)), outcome
 
 
 def test_every_link_has_several():

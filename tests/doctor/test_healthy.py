@@ -8,7 +8,13 @@ from sph_gym.doctor.case import DX, case, lattice
 from tests.doctor.healthy import HEALTHY
 
 
-@pytest.mark.parametrize("name", HEALTHY)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name.endswith("_x_v") else ())
+        for name in HEALTHY
+    ],
+)
 def test_nothing_is_wrong_with_it(name):
     diagnosis = check_solver(HEALTHY[name])
     assert diagnosis.ok, str(diagnosis)

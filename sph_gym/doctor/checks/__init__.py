@@ -7,7 +7,7 @@ shows only that something is wrong, not where, comes last.
 from sph_gym.doctor.checks import setup, integration, density, flows  # isort: skip
 from sph_gym.doctor.checks import neighbours, places, sums, meetings  # isort: skip
 from sph_gym.doctor.checks import pressure, force, pair_force, black_box, scheme  # isort: skip
-from sph_gym.doctor.checks import viscosity, xsph, walls, whole  # isort: skip
+from sph_gym.doctor.checks import viscosity, xsph, whole, walls, tank  # isort: skip
 
 __all__ = [
     "black_box",
@@ -23,6 +23,7 @@ __all__ = [
     "scheme",
     "setup",
     "sums",
+    "tank",
     "viscosity",
     "walls",
     "whole",

@@ -36,8 +36,8 @@ def density_in_flow(lab: Lab) -> Finding:
         return inconclusive(f"{told}: its density hardly changes", share, 1.0)
     return failed(
         f"{told}: its density falls",
-        "The rate of the density has the wrong sign: d rho_i/dt = sum m_j (v_i - v_j) . grad_i W_ij "
-        "is positive where particles approach.",
+        "The rate of the density has the wrong sign: d rho_i/dt = sum m_j (v_i - v_j) . grad_i "
+        "W_ij is positive where particles approach.",
         share,
         1.0,
         unit="of -rho div v",

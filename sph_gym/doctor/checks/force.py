@@ -16,6 +16,7 @@ from sph_gym.doctor.probes import (
     pairs,
     pressed,
     squeezing,
+    tolerant,
 )
 from sph_gym.doctor.registry import check
 
@@ -39,6 +40,10 @@ _LISTS = (
     "Compare with a loop over all pairs: the neighbour search loses some of them, or keeps only "
     "some neighbours of a particle."
 )
+_HALF = (
+    "Each pair is in the list of one partner only. Either list it twice, or add to both partners "
+    "when it is visited."
+)
 _TOUCH = (
     "Skip pairs nearer than some 1e-6 h when the direction (x_i - x_j) / r is formed; their "
     "share of the density stays."
@@ -46,10 +51,58 @@ _TOUCH = (
 
 
 @check("force", step=3, needs=("isolated",))
+@tolerant
+def momentum(lab: Lab) -> Finding:
+    """Squeeze groups of four, then a cloud: do all forces add up to zero?"""
+    ratio = squeezing(lab)
+    numbers = {"unit": "of the forces", "tolerance": "1 %"}
+    small = 0.0
+    if ratio is not None:
+        x = groups([cluster(4, H, lab.rng) for _ in range(6)], H)
+        small = _left_over(pressed(lab, x, **fluid(H, ratio))[1], 6)
+    if small > 0.01 and ratio is not None:
+        what = "six groups of four particles: forces don't add up to zero"
+        if "rho" not in lab.shown and _one_of_two(lab, ratio):
+            what += "; of two partners, only one is pushed"
+            return failed(what, _HALF, small, 0.0, link="neighbours", **numbers)
+        return failed(what, _SYMMETRIC, small, 0.0, **numbers)
+    x = lattice(6, 6, 0.75 * DX, center=(1.0, 1.1))
+    x += lab.rng.uniform(-0.2, 0.2, x.shape) * 0.75 * DX
+    large = _left_over(pressed(lab, x[None], **fluid(H))[1], 1)
+    if large > 0.01:
+        what, link, remedy = "a cloud of 6 x 6: forces don't add up to zero", "force", _SYMMETRIC
+        if ratio is not None:
+            what += ", though they do in groups of four"
+            link, remedy = "neighbours", _LISTS
+        return failed(what, remedy, large, 0.0, link=link, **numbers)
+    worst = max(small, large)
+    if not worst >= 0:
+        return inconclusive("nothing pushes in groups under pressure", worst, 0.0, **numbers)
+    return passed("groups of four and a cloud of 6 x 6", worst, 0.0, **numbers)
+
+
+def _one_of_two(lab: Lab, ratio: float) -> bool:
+    push = np.abs(pairs(lab, np.array([0.2, 0.4, 0.6]), **fluid(H, ratio)).push)
+    return bool(np.all(push.min(axis=1) < 1e-6 * push.max(axis=1)))
+
+
+def _left_over(found: Seen, n_groups: int) -> float:
+    """Return the sum of a group's accelerations as a share of their sizes; the largest of all."""
+    a = found.a.reshape(n_groups, -1, 2)
+    sizes = np.linalg.norm(a, axis=2).sum(axis=1)
+    real = sizes > _NONE
+    if not real.any() or not np.isfinite(a).all():
+        return float("nan")
+    return float((np.linalg.norm(a.sum(axis=1), axis=1)[real] / sizes[real]).max())
+
+
+@check("force", step=3, needs=("isolated", "momentum"))
+@tolerant
 def push_apart(lab: Lab) -> Finding:
     """Squeeze a blob: do its particles move apart?"""
-    for spacing in (0.75, 0.45):
-        x, found = pressed(lab, lattice(5, 5, spacing * DX, center=(1.0, 1.1))[None], **fluid(H))
+    for side, spacing in ((5, 0.75), (5, 0.45), (9, 0.3)):
+        blob = lattice(side, side, spacing * DX, center=(1.0, 1.1))
+        x, found = pressed(lab, blob[None], **fluid(H))
         if not np.isfinite(found.a).all():
             return _not_finite(lab, found, "a squeezed blob", "Look for divisions by zero. ")
         if np.abs(found.a).max() > _NONE:
@@ -60,12 +113,12 @@ def push_apart(lab: Lab) -> Finding:
     out = float((found.a * arms).sum() / (np.abs(found.a).max() * np.abs(arms).sum()))
     numbers = {"unit": "of the largest acceleration"}
     if out > 0.02:
-        return passed("a blob of 5 x 5, squeezed, expands", out, "above 0", **numbers)
+        return passed("a blob, squeezed, expands", out, "above 0", **numbers)
     if out > -0.02:
-        return inconclusive("a blob of 5 x 5, squeezed: no clear direction", out, "above 0")
+        return inconclusive("a blob, squeezed: no clear direction", out, "above 0")
     suction = bool(found.p.mean() < 0) or not _pairs_attract(lab)
     return failed(
-        "a blob of 5 x 5, squeezed, contracts" + (", but close pairs don't" * suction),
+        "a blob, squeezed, contracts" + (", but close pairs don't" * suction),
         _SUCTION if suction else _SIGN,
         out,
         "above 0",
@@ -87,15 +140,17 @@ def _no_push(found: Seen) -> Finding:
     # comparisons that are true for NaN, too: for what isn't shown
     if found.rho.max() <= 1.05 * RHO0:
         return inconclusive("a blob could not be squeezed above rho0", float(found.rho.max()))
-    under = not found.p.max() <= 0
+    link = "pressure" if found.p.max() <= 0 else "force"
+    # a blob that is denser than rho0 by far pushes, unless its densities are much too small
+    link = link if np.isfinite(found.rho).all() else "density"
     return failed(
-        "a blob of 5 x 5 at 0.45 of its spacing, at rest and contracting: nothing pushes",
-        "Check that neighbours are found, that p > 0 for rho > rho0, and that the force is added "
-        "to the velocities.",
+        "a blob of 9 x 9 at 0.3 of its spacing, at rest and contracting: nothing pushes",
+        "Log densities: they must be far above rho0 here (mass rho0 dx^2, constants of 2D). Then "
+        "check that p > 0 for rho > rho0, and that the force is added to the velocities.",
         0.0,
         "a push outwards",
         unit="m/s^2",
-        link="force" if under else "pressure",
+        link=link,
     )
 
 
@@ -104,52 +159,6 @@ def _not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Finding:
         if name in lab.shown and not np.isfinite(values).all():
             return failed(f"{what}: {name} not finite", remedy, "not finite", "finite", link=link)
     return failed(f"{what}: accelerations not finite", remedy, "not finite", "finite")
-
-
-@check("force", step=3, needs=("isolated",))
-def momentum(lab: Lab) -> Finding:
-    """Squeeze groups of four, then a cloud: do all forces add up to zero?"""
-    ratio = squeezing(lab)
-    numbers = {"unit": "of the forces", "tolerance": "1 %"}
-    small = 0.0
-    if ratio is not None:
-        x = groups([cluster(4, H, lab.rng) for _ in range(6)], H)
-        small = _left_over(pressed(lab, x, **fluid(H, ratio))[1], 6)
-        if small > 0.01:
-            return failed(
-                "six groups of four particles: forces don't add up to zero",
-                _SYMMETRIC,
-                small,
-                0.0,
-                **numbers,
-            )
-    x = lattice(6, 6, 0.75 * DX, center=(1.0, 1.1))
-    x += lab.rng.uniform(-0.2, 0.2, x.shape) * 0.75 * DX
-    large = _left_over(pressed(lab, x[None], **fluid(H))[1], 1)
-    if large > 0.01:
-        return failed(
-            "a cloud of 6 x 6: forces don't add up to zero"
-            + (", though they do in groups of four" if ratio else ""),
-            _LISTS if ratio else _SYMMETRIC,
-            large,
-            0.0,
-            link="neighbours" if ratio else "force",
-            **numbers,
-        )
-    worst = max(small, large)
-    if not worst >= 0:
-        return inconclusive("nothing pushes in groups under pressure", worst, 0.0, **numbers)
-    return passed("groups of four and a cloud of 6 x 6", worst, 0.0, **numbers)
-
-
-def _left_over(found: Seen, n_groups: int) -> float:
-    """Return the sum of a group's accelerations as a share of their sizes; the largest of all."""
-    a = found.a.reshape(n_groups, -1, 2)
-    sizes = np.linalg.norm(a, axis=2).sum(axis=1)
-    real = sizes > _NONE
-    if not real.any() or not np.isfinite(a).all():
-        return float("nan")
-    return float((np.linalg.norm(a.sum(axis=1), axis=1)[real] / sizes[real]).max())
 
 
 _TURNS = {
@@ -163,6 +172,7 @@ _N_COPIES = 5
 
 
 @check("force", step=3, needs=("isolated",))
+@tolerant
 def isotropy(lab: Lab) -> Finding:
     """Mirror and turn a squeezed group: do the accelerations turn with it?"""
     ratio = squeezing(lab) or SUPPORT
@@ -207,26 +217,20 @@ def _only(a: Array) -> str:
 
 
 @check("force", step=3, needs=("isolated",))
+@tolerant
 def coincident(lab: Lab) -> Finding:
     """Put two particles at one place, alone and in a blob: does everything stay finite?"""
     blob = lattice(5, 5, DX, center=(1.0, 1.1))
-    cases = [case([*blob, blob[12]])]
-    ratio = squeezing(lab)
-    if ratio is not None:
-        cases.append(case([(1.0, 1.1), (1.0, 1.1), (1.05, 1.1)], **fluid(H, ratio)))
-    fastest = 0.0
-    for start in cases:
-        subject = lab.make(start).step(STILL * H / C0, 2).step(0.5 * start.dt, 5)
-        if not (np.isfinite(subject.x).all() and np.isfinite(subject.v).all()):
-            return failed(
-                "two particles at one place: not finite after 7 steps",
-                _TOUCH,
-                "not finite",
-                "finite",
-            )
-        if start is cases[0]:
-            fastest = float(np.abs(subject.v).max()) / C0
-    if fastest > 5:
+    dense = lattice(5, 5, 0.85 * DX, center=(1.0, 1.1))
+    cases = [case([*each, each[12]]) for each in (blob, dense)]
+    speeds = [_speed_after(lab, each) for each in cases]
+    if not np.isfinite(speeds).all():
+        remedy = _TOUCH
+        return failed(
+            "two particles at one place: not finite after 7 steps", remedy, "not finite", "finite"
+        )
+    fastest = speeds[0]
+    if fastest > max(5, 10 * _speed_after(lab, case(blob))):
         return failed(
             "two particles at one place in a blob at rest fly off",
             _TOUCH + " A division by r^2, or by a tiny r that stands for zero, has this effect.",
@@ -237,7 +241,14 @@ def coincident(lab: Lab) -> Finding:
     return passed("two particles at one place, in a blob at rest", fastest, "below 5", unit="c0")
 
 
+def _speed_after(lab: Lab, start: Case) -> float:
+    """Return the largest speed [c0] after some steps, NaN if x or v is not finite."""
+    subject = lab.make(start).step(STILL * H / C0, 2).step(0.5 * start.dt, 5)
+    return float(np.abs([subject.v / C0, 0 * subject.x]).max())
+
+
 @check("force", step=4, needs=("isolated", "kernel", "interior_density"))
+@tolerant
 def dense_group(lab: Lab) -> Finding:
     """Crowd 40 particles into one place: are densities their sums, and all finite?"""
     x = cluster(40, 0.6 * H, lab.rng, least=0.03) + np.array([1.0, 1.1])
@@ -246,11 +257,14 @@ def dense_group(lab: Lab) -> Finding:
     if not np.isfinite(found.a).all():
         return _not_finite(lab, found, "40 particles within a circle of 0.6 h", _TOUCH)
     weights = lab.facts.get("weight")
-    if not isinstance(weights, Weights) or not _same(weights, start):
+    few = x[:3]
+    if (
+        not isinstance(weights, Weights)
+        or not _same(weights, start)
+        or np.abs(_shares(lab, weights, few) - 1).max() > 0.02
+    ):
         return passed("40 particles within a circle of 0.6 h: all finite")
-    r = np.linalg.norm(x[:, None] - x[None], axis=2)
-    np.fill_diagonal(r, np.inf)
-    share = found.rho / (weights.own + weights(r).sum(axis=1))
+    share = _shares(lab, weights, x)
     worst = float(share[np.argmax(np.abs(share - 1))])
     numbers = {"unit": "of the sum over pairs", "tolerance": "5 %"}
     text = "40 particles within a circle of 0.6 h: density"
@@ -258,6 +272,13 @@ def dense_group(lab: Lab) -> Finding:
         return passed(text, worst, 1.0, **numbers)
     remedy = _LISTS + " Lists of a fixed length must be long enough for a crowd."
     return failed(text, remedy, worst, 1.0, link="neighbours", **numbers)
+
+
+def _shares(lab: Lab, weights: Weights, x: Array) -> Array:
+    """Return densities (n,) as shares of the sums over pairs."""
+    r = np.linalg.norm(x[:, None] - x[None], axis=2)
+    np.fill_diagonal(r, np.inf)
+    return np.asarray(fields(lab, case(x)).rho / (weights.own + weights(r).sum(axis=1)))
 
 
 def _same(weights: Weights, start: Case) -> bool:

@@ -86,13 +86,13 @@ def _divided(lab: Lab, start: Case) -> Finding | None:
     except Crash:
         return None  # too long a step may be refused
     moved = factor(x2 - x1, (v1 + v2) / 2 * 2 * dt)
-    if not np.isfinite(moved) or abs(moved - 1) < 2 * _LONE or np.abs(v2 - start.v).max() > _LONE:
+    # less is legal: some cut off what is longer than their own limit
+    if not moved > 1 + 2 * _LONE or np.abs(v2 - start.v).max() > _LONE:
         return None
     return failed(
         f"nine lone particles fly straight with short steps; with dt = {LONGEST:g} h/c0 they are "
         f"displaced by {moved:.4g} v t",
-        "A long step is divided into sub-steps whose durations don't add up to dt, or it is cut "
-        "off: give each sub-step dt / n.",
+        "A long step is divided into sub-steps that add up to more than dt: give each dt / n.",
         moved, 1.0, tolerance="1 %",
     )  # fmt: skip
 
@@ -101,9 +101,9 @@ def _changed(before: Array, after: Array, time: float) -> Finding | None:
     """Return what changes velocities other than by one factor, None if nothing does."""
     change = after - before
     size, speeds = np.abs(change).max(), np.linalg.norm(before, axis=1)
-    if size < _LONE * speeds.min() or size < 0.05 * np.abs(before).max():
+    if size < _LONE * speeds.min():
         return None
-    if np.ptp(change, axis=0).max() < 0.02 * size:
+    if np.ptp(change, axis=0).max() < 0.05 * size:
         return _built_in(change.mean(axis=0) / time)
     if np.abs(change - (factor(after, before) - 1) * before).max() < 0.05 * speeds.max():
         return None
@@ -200,7 +200,7 @@ _FALL_STEPS = (LONG, LONG / 2)
 _FALL_ERROR = 0.03
 
 
-@check("integration", needs=("flight",))
+@check("integration", needs=("flight", "galilean"))
 def free_fall(lab: Lab) -> Finding:
     """Let lone particles and a block fall along x, along y and askew: dv/dt must be g."""
     for gravity in _FALLS:

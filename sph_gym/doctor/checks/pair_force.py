@@ -8,7 +8,7 @@ from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import KERNELS, Kernel, Match, integral, match
-from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing
+from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing, tolerant
 from sph_gym.doctor.registry import check
 
 H = SUPPORT * DX
@@ -35,6 +35,7 @@ class Slope(NamedTuple):
 
 
 @check("force", step=8, needs=("isolated", "push_apart"), shows=("rho", "p"))
+@tolerant
 def force_kernel(lab: Lab) -> Finding:
     """Measure the slope of the force's kernel by pairs: its shape and its constant."""
     ratio = squeezing(lab)

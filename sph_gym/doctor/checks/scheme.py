@@ -60,16 +60,16 @@ def _judge_factors(candidates: list[Factors], long: Factors, short: Factors) -> 
             "a squeezed cloud: (dv/dt) / a along x and y, in short steps", *numbers,
             tolerance="15 % with what is left over",
         )  # fmt: skip
+    if np.abs(factors * RHO0 - 1).max() < 0.5 and left < 0.3:
+        return failed(
+            "a squeezed cloud: dv/dt is `a` over the density",
+            "Show accelerations [m/s^2] as `a`, not forces a volume.", *numbers, link="setup",
+        )  # fmt: skip
     spread = np.ptp([each for each, _ in candidates], axis=0).max()
     if left > 0.03 or spread > 0.05 * np.abs(factors).max():
         return inconclusive(
             f"a squeezed cloud: the change of v is no multiple of `a` ({left:.0%} are left): `a` "
             "may be shown of another moment, or without some of its terms", *numbers,
-        )  # fmt: skip
-    if np.abs(factors * RHO0 - 1).max() < 0.5:
-        return failed(
-            "a squeezed cloud: dv/dt is `a` over the density",
-            "Show accelerations [m/s^2] as `a`, not forces a volume.", *numbers, link="setup",
         )  # fmt: skip
     ignored = np.abs(factors - 5 * long[0]).max() < 0.5 * np.abs(long[0]).max()
     cause = "dt is ignored there." if ignored else f"here the factor is {numbers[0]}, not 1."
@@ -148,30 +148,36 @@ def _known(kick: tuple[str, float], drift: tuple[str, float]) -> str:
 @check("integration", needs=("flight",))
 def ringing(lab: Lab) -> Finding:
     """Let sound go to and fro in a block: its energy must not grow, least of all with dt."""
-    long = _ring(lab, LONG)
-    numbers = (f"{long:.3g}", "<= 1")
-    told = "sound in a block of 6 x 6: kinetic energy after some ten crossings, in units of the "
-    if not np.isfinite(long) or long > 2:
-        short = _ring(lab, LONG / 4)
-        if np.isfinite(short) and short < min(1.5, long**0.5):
-            return failed(
-                f"{told}first: {long:.3g} with dt = {LONG} h/c0, {short:.3g} with a quarter of it: "
-                "the steps put in energy",
-                "An oscillation that grows with dt is the mark of forward Euler, and of "
-                "accelerations or densities that lag a step behind: v first, x with the new v, "
-                "densities and forces at the new x. If the scheme is right, dt is too long for it.",
-                *numbers, tolerance="2",
-            )  # fmt: skip
-        return inconclusive(f"{told}first: {long:.3g}, and {short:.3g} with dt / 4", *numbers)
-    return passed(f"{told}first, with dt = {LONG} h/c0", *numbers, tolerance="2")
+    told = "sound in a block of 6 x 6: kinetic energy after ten crossings, in units of the first"
+    usual = _ring(lab, LONG)
+    numbers = (f"{usual:.3g}", "<= 1")
+    if usual < _GROWS:
+        return passed(f"{told}, with dt = {LONG} h/c0", *numbers, tolerance=f"{_GROWS:g}")
+    # a little viscosity, so that what it would cure in every use of the solver is no fault
+    long, short = _ring(lab, 2 * LONG, viscosity=0.02), _ring(lab, LONG / 4)
+    course = f"{told}: {short:.3g} with dt = {LONG / 4} h/c0, {usual:.3g} with {LONG}, "
+    course += f"{long:.3g} with {2 * LONG}"
+    if short > usual**0.5 or long < 10:
+        return inconclusive(course, *numbers)
+    return failed(
+        f"{course}: the steps put in energy",
+        "An oscillation that grows with dt is the mark of forward Euler, and of accelerations or "
+        "densities that lag behind: v first, x and densities with the new v, forces at the new x. "
+        "If the scheme is right, dt is too long for it.",
+        *numbers, tolerance=f"{_GROWS:g}",
+    )  # fmt: skip
 
 
-def _ring(lab: Lab, share: float) -> float:
+# Sound in a healthy solver ends with 0.5 to 1 of its energy.
+_GROWS = 3.0
+
+
+def _ring(lab: Lab, share: float, viscosity: float = 0.0) -> float:
     """Return the most kinetic energy in the last quarter of a run, in units of the first."""
     x = lattice(6, 6)
     s = np.pi * x / (6 * DX)
     v = np.stack([np.sin(s[:, 0]) * np.cos(2 * s[:, 1]), 0.5 * np.sin(s[:, 1])], axis=1)
-    start = case(x, 0.02 * C0 * v)
+    start = case(x, 0.02 * C0 * v, viscosity=viscosity)
     subject, energies = lab.make(start), [float((start.v**2).sum())]
     steps = round(10 / share)
     for n in range(steps):

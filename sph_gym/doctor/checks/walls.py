@@ -25,7 +25,7 @@ _BUILD = (
 )
 
 
-@check("walls", needs=("flight",))
+@check("walls", needs=("flight", "blob"))
 def thrown_alone(lab: Lab) -> Finding:
     """Throw lone particles at all sides and corners: do they stop, and how do they come back?"""
     runs = [throws.alone(lab, speed, _LONG) for speed in (_SLOW, _FAST)]

@@ -1,6 +1,5 @@
-"""The whole solver at work, once nothing else was found: what is wrong shows, and may be traced."""
+"""Blobs in empty space, once nothing else was found: what is wrong shows, and may be traced."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +11,10 @@ from sph_gym.doctor.registry import check
 
 # Faster than this [c0] nothing can get from a squeeze of a few per cent.
 _EXPLODED = 0.5
-_STEPS = 150
+STEPS = 150
 # Times the energy that Tait's equation stores: measured are 0.2 to 0.8 with all kernels.
 _TOO_MUCH = 2.0
-# A dam break that has less kinetic energy [g H] hardly moves: measured are 0.09 to 0.3.
-_STIFF = 0.01
-_QUARTER = (
+QUARTER = (
     "A quarter of the step cures it: take the time step from the smallest of 0.4 h / c0 (h: the "
     "smoothing length), 0.25 sqrt(h / a) and 0.125 h^2 / nu, or mend the integrator."
 )
@@ -41,7 +38,7 @@ class Course(NamedTuple):
         return float((self.v**2).sum(axis=1).mean() / 2)
 
 
-def _run(lab: Lab, start: Case, dt: float, steps: int) -> Course:
+def follow(lab: Lab, start: Case, dt: float, steps: int) -> Course:
     """Return a run that ends early where numbers are not finite."""
     subject, fastest = lab.make(start), 0.0
     for _ in range(steps):
@@ -58,7 +55,7 @@ def reproducible(lab: Lab) -> Finding:
     """Do the same case twice: the second solver must do what the first one did."""
     x = lattice(5, 5, 0.9 * DX)
     start = case(x + lab.rng.uniform(-0.05, 0.05, x.shape) * DX)
-    one, other = (_run(lab, start, start.dt, 5) for _ in range(2))
+    one, other = (follow(lab, start, start.dt, 5) for _ in range(2))
     if not (one.finite and other.finite):
         return inconclusive("not finite, which other checks judge")
     apart = float(np.abs(one.x - other.x).max() / DX)
@@ -95,8 +92,8 @@ def suction(lab: Lab) -> Finding:
 def blob(lab: Lab) -> Finding:
     """Squeeze a blob by 3 % in empty space: it must neither explode nor run away."""
     start = case(lattice(8, 8, 0.97 * DX))
-    run = _run(lab, start, start.dt, _STEPS)
-    told = f"a blob of 8 x 8, squeezed by 3 %, {_STEPS} steps in empty space"
+    run = follow(lab, start, start.dt, STEPS)
+    told = f"a blob of 8 x 8, squeezed by 3 %, {STEPS} steps in empty space"
     if not run.finite or run.fastest > _EXPLODED * C0:
         return _exploded(lab, start, told, run)
     drift = float(np.abs(run.v.mean(axis=0)).max())
@@ -112,12 +109,12 @@ def blob(lab: Lab) -> Finding:
 
 def _exploded(lab: Lab, start: Case, told: str, run: Course) -> Finding:
     """Tell an explosion by the length of the step from one by the forces."""
-    calm = _run(lab, start, start.dt / 4, 2 * _STEPS)
+    calm = follow(lab, start, start.dt / 4, 2 * STEPS)
     numbers = (run.fastest / C0 if run.finite else "not finite", f"< {_EXPLODED:g}")
     if calm.finite and calm.fastest < _EXPLODED / 2 * C0:
         return failed(
             f"{told}: it explodes; with a quarter of the step it is calm ({calm.fastest / C0:.3g} "
-            "c0)", _QUARTER, *numbers, unit="c0", link="integration",
+            "c0)", QUARTER, *numbers, unit="c0", link="integration",
         )  # fmt: skip
     return failed(
         f"{told}: it explodes, with a quarter of the step as well",
@@ -133,17 +130,17 @@ def expansion(lab: Lab) -> Finding:
     """Let a blob expand that is squeezed to 0.9 dx: what it gains must have been stored in it."""
     start = case(lattice(8, 8, 0.9 * DX))
     stored = _stored(start, 0.9**-2)
-    run = _run(lab, start, start.dt, 100)
+    run = follow(lab, start, start.dt, 100)
     if not run.finite:
         return inconclusive("not finite, which other checks judge")
     share = run.energy / stored
     told = "a blob of 8 x 8 at 0.9 dx expands: kinetic energy over what Tait's equation stores"
     if share > _TOO_MUCH:
-        short = _run(lab, start, start.dt / 4, 400)
+        short = follow(lab, start, start.dt / 4, 400)
         cured = short.finite and short.energy < _TOO_MUCH * stored
         return failed(
             f"{told}; {short.energy / stored:.3g} with a quarter of the step",
-            _QUARTER
+            QUARTER
             if cured
             else "The equation of state or the force is too strong: B is rho0 c0^2 / gamma "
             "(without gamma it is 7 times too large); the gradient's constant is that of two "
@@ -158,89 +155,3 @@ def _stored(start: Case, s: float) -> float:
     """Return the energy [J/kg] by Tait's equation at the density s rho0."""
     g = start.gamma
     return start.c0**2 / g * ((s ** (g - 1) - 1) / (g - 1) + 1 / s - 1)
-
-
-@check("walls", needs=("free_fall",), last=True)
-def dam_break(lab: Lab) -> Finding:
-    """Let a column of 10 x 10 particles fall apart in a box: a tenth of what a dam break is."""
-    x = lattice(10, 10)
-    # a spacing from the sides: walls whose first particles are on the side need as much
-    x += DX - x.min(axis=0)
-    start = case(x, gravity=(0.0, -9.81), box=(0.0, 20 * DX, 0.0, 16 * DX))
-    run = _run(lab, start, 2 * start.dt, _STEPS)
-    told = f"a column of 10 x 10 in a box, {_STEPS} steps"
-    if not run.finite:
-        return _not_finite(lab, start, told)
-    unit = 9.81 * 10 * DX
-    fallen = 9.81 * float((x - run.x)[:, 1].mean()) / unit
-    energy, front = run.energy / unit, float(run.x[:, 0].max() - x[:, 0].max()) / DX
-    if energy > 1.5:
-        return _too_lively(lab, start, told, run)
-    outside = _outside(run.x, start) / DX
-    numbers = f"front {front:.3g} dx, fall {fallen:.2g} g H, energy {energy:.2g} g H"
-    if outside > 1:
-        return inconclusive(f"{told}: farthest outside {outside:.2g} dx", numbers)
-    if front < (0.8 if energy < _STIFF else 0.3):
-        return _stays(told, front, energy)
-    if fallen < 0.02:
-        return inconclusive(f"{told}: it does not fall", numbers)
-    return passed(told, numbers, "front > 0.8 dx, fall > 0, energy < 0.5 g H")
-
-
-def _outside(x: Array, start: Case) -> float:
-    assert start.box is not None
-    x_min, x_max, y_min, y_max = start.box
-    low, high = np.array([x_min, y_min]), np.array([x_max, y_max])
-    return float(max((low - x).max(), (x - high).max()))
-
-
-def _not_finite(lab: Lab, start: Case, told: str) -> Finding:
-    if _run(lab, start, start.dt / 2, 2 * _STEPS).finite:
-        return failed(
-            f"{told}: not finite any more; with a quarter of the step it stays so", _QUARTER,
-            "not finite", "finite", link="integration",
-        )  # fmt: skip
-    return failed(
-        f"{told}: not finite any more, with a quarter of the step as well",
-        "A blob in empty space stays finite. Walls press particles onto one place: skip pairs "
-        "whose distance is (nearly) zero before dividing by it.",
-        "not finite", "finite", link="force",
-    )  # fmt: skip
-
-
-def _too_lively(lab: Lab, start: Case, told: str, run: Course) -> Finding:
-    unit = 9.81 * 10 * DX
-    short = _run(lab, start, start.dt / 2, 2 * _STEPS)
-    free = _run(lab, replace(start, box=None, gravity=np.zeros(2)), 2 * start.dt, _STEPS)
-    numbers = (run.energy / unit, "< 0.5")
-    if short.finite and short.energy < 0.5 * unit:
-        return failed(
-            f"{told}: it gains more energy than it had; not so with a quarter of the step",
-            _QUARTER, *numbers, unit="g H", link="integration",
-        )  # fmt: skip
-    if free.finite and free.energy < 0.2 * unit and short.finite and short.energy > unit:
-        return failed(
-            f"{told}: it gains more energy than it had, with a quarter of the step as well, but "
-            "not without box and gravity",
-            "The walls put in energy: look at the velocity after a contact, and at the force of "
-            "boundary particles.",
-            *numbers, unit="g H",
-        )  # fmt: skip
-    return inconclusive(f"{told}: it gains more energy than it had", *numbers, unit="g H")
-
-
-def _stays(told: str, front: float, energy: float) -> Finding:
-    numbers = (front, "> 2")
-    if energy < _STIFF:
-        return failed(
-            f"{told}: the front does not advance, and the column hardly moves ({energy:.2g} g H)",
-            "Too much damping: viscosity is 0 in this case, so look for an artificial viscosity "
-            "that is always on, for a decay of velocities, and for damping that is added twice.",
-            *numbers, unit="dx", link="viscosity",
-        )  # fmt: skip
-    return failed(
-        f"{told}: it falls ({energy:.2g} g H), but into a heap: nothing pushes the front",
-        "Hardly any pressure is there: look at the density under compression (does it change?), "
-        "then at B in the equation of state.",
-        *numbers, unit="dx", link="pressure",
-    )  # fmt: skip

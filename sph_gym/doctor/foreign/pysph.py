@@ -22,15 +22,17 @@ class PySPH:
     """A case in PySPH, whose smoothing length is half of the case's support."""
 
     def __init__(self, case: Case) -> None:
-        kind = {"m": case.rho0 * case.dx**2, "rho": case.rho0, "h": case.h / 2}
         arrays = [
-            get_particle_array_wcsph(name=name, x=x[:, 0], y=x[:, 1], u=v[:, 0], v=v[:, 1], **kind)
+            get_particle_array_wcsph(
+                name=name, x=x[:, 0], y=x[:, 1], u=v[:, 0], v=v[:, 1], h=case.h / 2,
+                m=case.rho0 * case.dx**2, rho=case.rho0,
+            )
             for name, x, v in (
                 ("fluid", case.x, case.v),
                 ("wall", boundary(case), np.zeros_like(boundary(case))),
             )
             if len(x)
-        ]
+        ]  # fmt: skip
         scheme = WCSPHScheme(
             ["fluid"], ["wall"] * (len(arrays) - 1), 2, case.rho0, case.c0, case.h / 2,
             case.h / 2 / case.dx, case.gamma, *case.gravity, alpha=0.0, nu=case.viscosity,
@@ -42,6 +44,7 @@ class PySPH:
         equations = scheme.get_equations()
         equations[-1].equations[-1].eps = case.xsph
         scheme.solver.set_parallel_manager(None)
+        # its usual search, LinkedListNNPS, writes past its arrays where there is one particle
         scheme.solver.setup(arrays, equations, BoxSortNNPS(2, arrays, radius_scale=2.0))
         self.fluid, self.solver = arrays[0], scheme.solver
         self.evaluate()

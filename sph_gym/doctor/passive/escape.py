@@ -34,11 +34,15 @@ def escape(survey: Survey) -> Finding:
         found = _beyond(survey, walls.box)
         if found is not None:
             return found
-    if survey.walls is not None and survey.change is None and not survey.reordered:
+    if survey.walls is not None and not survey.walls_move and _followed(survey):
         found = _through(survey, survey.walls)
         if found is not None:
             return found
     return _far(survey)
+
+
+def _followed(survey: Survey) -> bool:
+    return survey.change is None and not survey.reordered
 
 
 def _beyond(survey: Survey, box: tuple[float, float, float, float]) -> Finding | None:

@@ -247,6 +247,11 @@ def test_particles_that_never_move_are_walls(tmp_path, runs):
     leak = {name: array.copy() for name, array in both.items()}
     leak["x"][5:, 3, 1] = np.linspace(-0.03, -0.4, n_frames - 5)
     assert check(tmp_path, leak | {"t": run["t"]}).link == "walls"
+    # a wall that is told from the fluid and moves away may be followed
+    leak["kind"] = np.arange(126) >= 100
+    assert check(tmp_path, leak | {"t": run["t"]}).link == "walls"
+    leak["x"][5:, 100:, 1] -= 0.5
+    assert check(tmp_path, leak | {"t": run["t"]}).ok
 
 
 def test_particles_at_one_place(tmp_path, runs):

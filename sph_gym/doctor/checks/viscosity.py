@@ -166,6 +166,8 @@ def viscosity_strength(lab: Lab) -> Finding:
 
 def _artificial(alpha: float) -> Finding:
     text = "viscosity is proportional to c0 h: case.viscosity is taken for alpha"
+    if not alpha < 1:
+        return inconclusive(f"{text}; nu = {alpha:.2g} alpha c0 h", alpha, "1/32 to 1/8")
     return passed(f"{text}; nu = {alpha:.2g} alpha c0 h", alpha, "1/32 to 1/8", unit="alpha c0 h")
 
 

@@ -84,9 +84,7 @@ def energy(survey: Survey) -> Finding:
         )
     scene = survey.known.scene
     if scene is None or survey.first.rho is None or not _closed(scene) or not _steady(survey):
-        return inconclusive(
-            "what walls, gravity and controls give to the fluid can't be told", float(kinetic.max())
-        )
+        return inconclusive("what walls, gravity and controls give to the fluid can't be told")
     return _balance(survey, scene, kinetic)
 
 

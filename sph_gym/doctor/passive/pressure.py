@@ -8,6 +8,8 @@ from sph_gym.doctor.passive.survey import Survey
 
 # Pressures may be so far off a known law, as a share of themselves.
 EXACT = 0.02
+# Exponents within so much of each other are told as one.
+VAGUE = 1.0
 # Correlation of density and pressure beyond which one falls as the other grows.
 FALLING = 0.8
 
@@ -45,7 +47,9 @@ def equation_of_state(survey: Survey) -> Finding:
 
 def _exponent(found: Law) -> Finding:
     """Return what is said of a law that fits."""
-    numbers = (found.gamma, 7.0)
+    # densities that hardly differ obey many an exponent
+    vague = found.high - found.low > VAGUE
+    numbers = (f"{found.low:.3g} to {found.high:.3g}" if vague else found.gamma, 7.0)
     told = (
         f"gamma = {found.gamma:.3g} ({found.low:.3g} to {found.high:.3g}), "
         f"B = {found.stiffness:.4g} Pa, rho0 = {found.rho0:.5g} kg/m^3, "

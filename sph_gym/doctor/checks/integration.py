@@ -251,7 +251,9 @@ def _wrong_fall(lab: Lab, g: Array, factors: list[Array]) -> Finding:
 def _cause(lab: Lab, g: Array, long: Array, short: Array) -> tuple[str, str]:
     """Return the link and the remedy for a fall that is not g."""
     size = np.hypot(*g)
-    if np.abs(long - short).max() > 2 * _FALL_ERROR * size:
+    # compared with each other, for both may be far below g
+    larger = max(np.abs(long).max(), np.abs(short).max())
+    if np.abs(long - short).max() > 2 * _FALL_ERROR * larger > 0:
         return "integration", MOVE + "here v += a * dt depends on dt in another way."
     if "a" in lab.shown:
         a = lab.acceleration(_alone(np.zeros((9, 2)), (g[0], g[1]))).mean(axis=0)

@@ -59,7 +59,8 @@ def _first_bad(values: dict[str, np.ndarray]) -> str:
     for name, link in (("rho", "density"), ("p", "pressure"), ("a", "force")):
         if name in values and not np.isfinite(values[name]).all():
             return link
-    return "setup" if "a" not in values else "integration"
+    # positions and velocities were those of the case, and only forces are left to spoil them
+    return "force" if "a" not in values else "integration"
 
 
 @check("setup")

@@ -27,7 +27,8 @@ def density_in_flow(lab: Lab) -> Finding:
     inside = np.abs(x).max(axis=1) < 1.5 * DX
     if not np.isfinite(rise).all():
         return inconclusive("the block is not finite, which other checks judge")
-    if abs(1 - narrower - _SHRINK * (_STEPS / (_STEPS + 1))) > 0.1 * _SHRINK:
+    planned = _SHRINK * _STEPS / (_STEPS + 1)
+    if not 0.9 < (1 - narrower) / planned < 1.5:
         return inconclusive("the block does not shrink as it moves, which other checks judge")
     expected = RHO0 * (narrower**-2 - 1)
     share = float(np.median(rise[inside]) / expected)

@@ -128,40 +128,42 @@ def viscosity_strength(lab: Lab) -> Finding:
     way = way_of(lab)
     if way is None:
         return skipped(_NONE)
-    arrives = kick(lab)
-    if not way.by_a and not abs(arrives - 1) < 0.02:
-        return inconclusive("velocities don't follow accelerations: integration", arrives, 1.0)
+    arrives = abs(kick(lab) - 1) < 0.02
+    if not (way.by_a or arrives):
+        return inconclusive("velocities don't follow accelerations: integration")
     if "rho" in lab.shown:
         rho = float(lab.density(shear())[40])
         if not 0.75 < rho / RHO0 < 1.3:
             return inconclusive("the density is wrong, by which viscosity is divided", rho, RHO0)
+    if way.by_a and arrives:
+        again = effective(lab, Way(False, way.viscosity)) / effective(lab, way)
+        if TWICE[0] < again < TWICE[1]:
+            return _too_thick(again, "velocities lose {:.2g} times what `a` says")
+    return _by_form(lab, way)
+
+
+def _by_form(lab: Lab, way: Way) -> Finding:
+    """Judge the strength by what it depends on."""
     nu = effective(lab, way)
     others = [
         effective(lab, Way(way.by_a, 2 * way.viscosity)),
         effective(lab, way, c0=2 * C0),
         effective(lab, way, scale=2.0),
     ]
+    numbers = (nu, way.viscosity)
     if not (nu > 0 and np.isfinite(others).all() and min(others) > 0):
-        return inconclusive("a shear feels no viscosity", nu, way.viscosity, unit="m^2/s")
+        return inconclusive("a shear feels no viscosity", *numbers, unit="m^2/s")
     of_viscosity, of_c0, of_size = np.log2(np.array(others) / nu)
     if abs(of_viscosity - 1) > 0.1:
-        return inconclusive("viscosity is not proportional to case.viscosity", nu, way.viscosity)
-    if way.by_a and abs(arrives - 1) < 0.02:
-        again = effective(lab, Way(False, way.viscosity)) / nu
-        if TWICE[0] < again < TWICE[1]:
-            return _too_thick(again, "velocities lose {:.2g} times what `a` says")
+        return inconclusive("viscosity is not proportional to case.viscosity", *numbers)
     if abs(of_c0 - 1) < 0.2:
         return _artificial(nu / (way.viscosity * C0 * 3 * DX))
     if abs(of_c0) < 0.1 and abs(of_size) < 0.15:
         return _clean(lab, way, nu)
     if abs(of_c0) < 0.1 and abs(of_size + 1) < 0.2:
         return _inverse(way, nu)
-    return inconclusive(
-        f"nu goes with c0^{of_c0:.2g} and with the size^{of_size:.2g}: no known form",
-        nu,
-        way.viscosity,
-        unit="m^2/s",
-    )
+    text = f"nu goes with c0^{of_c0:.2g} and with the size^{of_size:.2g}: no known form"
+    return inconclusive(text, *numbers, unit="m^2/s")
 
 
 def _artificial(alpha: float) -> Finding:

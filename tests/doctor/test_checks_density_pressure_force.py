@@ -112,12 +112,14 @@ HEALTHY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", HEALTHY.values(), ids=HEALTHY)
 def test_healthy_solvers_raise_no_alarm(style):
     diagnosis = examine(build(**style))
     assert diagnosis.ok, str(diagnosis)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", EXOTIC.values(), ids=EXOTIC)
 def test_solvers_with_habits_raise_no_alarm(make):
     diagnosis = examine(make)
@@ -230,6 +232,7 @@ CHAIN = [n for n, f in FAULTS.items() if f.link in ("density", "pressure", "forc
 CHAIN = [n for n in CHAIN if not n.startswith("gravity")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shown", [("rho", "p"), ("rho",), ()], ids=" ".join)
 @pytest.mark.parametrize("name", CHAIN)
 def test_faults_of_the_article_are_found_whatever_is_shown(name, shown):

@@ -43,6 +43,7 @@ def some_slow(names):
     return [pytest.param(k, marks=[pytest.mark.slow] * (k in SLOW)) for k in names]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", some_slow(HEALTHY))
 def test_healthy_solvers_pass(name):
     make = maker(**HEALTHY[name])

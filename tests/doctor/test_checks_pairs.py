@@ -47,6 +47,7 @@ def unjust(diagnosis):
     return [(each.check, each.message) for each in diagnosis.results if each.broken]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "shows"),
     [(name, shows) for name in HEALTHY for shows in ("all", "nothing")]
@@ -57,6 +58,7 @@ def test_no_false_alarm(name, shows):
     assert unjust(examined(make, *NEIGHBOURS, *VISCOSITY, *XSPH)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["article", "continuity_predictor", "single", "cubic_kdk_mu"])
 @pytest.mark.parametrize("search", SOUND)
 def test_no_false_alarm_on_sound_searches(search, name):
@@ -110,6 +112,7 @@ def test_faults_of_the_plain_solver(link, shows):
         assert diagnosis.link == link, (name, unjust(diagnosis))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shows", ["all", "nothing"])
 def test_other_links_are_not_taken_for_neighbours(shows):
     for name, fault in FAULTS.items():

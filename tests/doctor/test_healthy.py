@@ -21,6 +21,7 @@ def test_nothing_is_wrong_with_it(name):
     assert sum(each.status == "pass" for each in diagnosis.results) > 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in HEALTHY if not name.endswith("_x_v")])
 def test_it_is_sound_indeed(name):
     """A block that is thrown into a corner stays in its box, finite and not faster than it was."""

@@ -37,6 +37,7 @@ def changed(run, **columns):
 # --- sound ones -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", recorded.CASES)
 @pytest.mark.parametrize("name", HEALTHY)
 def test_no_sound_solver_is_accused(tmp_path, name, case):

@@ -23,8 +23,11 @@ from typing import NamedTuple
 import gymnasium as gym
 import pytest
 
-import sph_gym  # noqa: F401  registers the environments
+import sph_gym
+import sph_gym.doctor  # noqa: F401  fills CHECKS
 from sph_gym import scenes, studies
+from sph_gym.doctor.faults import FAULTS
+from sph_gym.doctor.registry import CHECKS
 from sph_gym.env import SCENES
 from sph_gym.solver.registry import EFFECTS
 
@@ -199,6 +202,15 @@ def test_every_page_and_every_picture_is_linked():
     text = "".join(PAGES.values())
     for path in (*ROOT.glob("docs/*.md"), *ROOT.glob("docs/pictures/*")):
         assert f"{path.name})" in text, path.name
+
+
+def test_the_playbook_names_all_checks_and_only_faults_that_exist():
+    page = PAGES["docs/playbook.md"]
+    named = {word for code in CODE.findall(page) for word in [code] if word.isidentifier()}
+    setup = {name for name, check in CHECKS.items() if check.link == "setup"}
+    assert set(CHECKS) - setup <= named
+    faults = set(re.findall(r"\(`(\w+)`(?:,\s`\w+`)?\)", page))
+    assert faults <= set(FAULTS)
 
 
 def test_the_readme_is_short():

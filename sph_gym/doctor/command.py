@@ -37,11 +37,15 @@ class Request(NamedTuple):
 
 
 def list_checks() -> str:
-    """Return the checks by name, link and what they do, as text."""
-    lines = []
+    """Return the checks by name, link and what they do, then the faults, as text."""
+    from sph_gym.doctor.faults import FAULTS
+
+    lines = ["checks:"]
     for check in CHECKS.values():
         step = f"step {check.step}" if check.step else ""
         lines.append(f"{check.link:<12}{check.name:<26}{step:<8}{check.summary}")
+    lines += ["", "faults:"]
+    lines += [f"{fault.link:<12}{name:<34}{fault.what}" for name, fault in FAULTS.items()]
     return "\n".join(lines)
 
 

@@ -82,6 +82,17 @@ def curvature(scale: float = 1.0) -> float:
     return SLOW * C0 / (4 * scale * DX) ** 2
 
 
+def middle_first(speed: float) -> tuple[Array, Array]:
+    """Return x and v of a lattice of 9 x 9 in which the one in the middle moves, others don't.
+
+    For h up to 2 dx: then all its neighbours are surrounded on all sides. It is the first, so that
+    it is on one side of all its pairs.
+    """
+    x = lattice(9, 9)
+    x = x[np.argsort(np.abs(x).max(axis=1), kind="stable")]
+    return x, np.where(np.arange(81)[:, None] == 0, speed * np.array([1.0, 0.3]), 0.0)
+
+
 def middle(start: Case) -> Array:
     """Return which particles of the shear are at rest and have all their neighbours, (n,)."""
     near = np.abs(start.x) < 1.5 * start.dx

@@ -20,6 +20,8 @@ from sph_gym.doctor.pair_faults import FAULTS, LINEAR, SOUND, Fault
 # one. Of some twenty kernels that are not in `KERNELS`, no faulty law is nearer than 33 %.
 EXPLAINS, FAR = 0.02, 0.08
 CLEARLY = 5.0
+# Forces in c0^2 / h that rounding makes where velocities are differences of positions.
+ROUNDING = 5e-3
 
 
 class Series(NamedTuple):
@@ -132,10 +134,9 @@ def _scale(model: Array, force: Array) -> Array:
 def _error(model: Array, force: Array) -> Array:
     """Return how far each model (i, j, k) is from a force (k,), at its worst distance."""
     size = np.abs(force).max(initial=0.0)
-    floor = 1e-3 * size + 1e-6
-    return np.asarray(
-        (np.abs(model - force) / ((np.abs(model) + np.abs(force)) / 2 + floor)).max(axis=-1)
-    )
+    floor = 1e-3 * size + ROUNDING
+    off = np.maximum(np.abs(model - force) - ROUNDING, 0.0)
+    return np.asarray((off / ((np.abs(model) + np.abs(force)) / 2 + floor)).max(axis=-1))
 
 
 def _difference(one: Series, fault: Fault, calibrated: bool) -> Array:

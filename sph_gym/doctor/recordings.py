@@ -2,8 +2,11 @@
 
 import os
 import time
+import warnings
 from collections.abc import Callable
 from typing import NamedTuple
+
+import numpy as np
 
 from sph_gym.doctor.diagnosis import LINKS, Diagnosis, Result
 from sph_gym.doctor.findings import Finding, inconclusive, skipped
@@ -73,16 +76,23 @@ def check_recording(path: str | os.PathLike[str]) -> Diagnosis:
     return Diagnosis(tuple(ordered), recording.path, tuple(survey.notes))
 
 
+def _finding(check: Passive, survey: Survey) -> Finding:
+    if check.whole and not survey.n_frames:
+        return skipped("no frame is finite in all its numbers")
+    if check.whole and not survey.looks[0].n:
+        return skipped("there are no fluid particles")
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            return check.function(survey)
+    except (ArithmeticError, ValueError, IndexError) as error:
+        # what numbers lead astray must not end in a traceback
+        return inconclusive(f"the recorded numbers could not be used: {error}")
+
+
 def _result(check: Passive, survey: Survey) -> Result:
     started = time.monotonic()
-    if check.whole and not survey.n_frames:
-        finding = skipped("no frame is finite in all its numbers")
-    else:
-        try:
-            finding = check.function(survey)
-        except (ArithmeticError, ValueError, IndexError) as error:
-            # what numbers lead astray must not end in a traceback
-            finding = inconclusive(f"the recorded numbers could not be used: {error}")
+    finding = _finding(check, survey)
     seconds = round(time.monotonic() - started, 3)
     link = finding.link or check.link
     return Result(check.name, link, *finding[:-1], step=check.step, seconds=seconds)

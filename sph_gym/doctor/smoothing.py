@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
+from sph_gym.doctor.drag import middle_first
 from sph_gym.doctor.lab import Lab
 
 EPSILON = 0.5
@@ -75,12 +76,11 @@ def uniform_motion() -> Case:
 
 
 def one_in_motion() -> Case:
-    """Return the same lattice at rest except for the particle in its middle, with index 40.
+    """Return a lattice of 9 x 9 at rest except for the particle in its middle.
 
-    Its support is so small that all neighbours of the one are surrounded on all sides.
+    See `middle_first`.
     """
-    v = np.where(np.arange(81)[:, None] == 40, SPEED * np.array([1.0, 0.3]), 0.0)
-    return case(lattice(9, 9), v, h=2 * DX, c0=SOFT)
+    return case(*middle_first(SPEED), h=2 * DX, c0=SOFT)
 
 
 def smooths(lab: Lab) -> float:

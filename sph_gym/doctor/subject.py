@@ -15,8 +15,8 @@ import numpy as np
 from sph_gym.doctor.case import Array, Case
 
 Factory = Callable[[Case], Any]
-# One call into a solver may take so long [s]; compiling is a part of it.
-CALL_LIMIT = 60.0
+# One call into a solver may take so long [s], and its making, which may have to compile it.
+CALL_LIMIT, MAKE_LIMIT = 60.0, 300.0
 _OPTIONAL = {"rho": 1, "p": 1, "a": 2}
 
 
@@ -64,7 +64,7 @@ class Subject:
     ) -> None:
         self.case, self._deadline, self._broken_clock = case, deadline, broken_clock
         self.n_steps = 0
-        self._solver = self._call("make(case)", lambda: factory(case.copy()))
+        self._solver = self._call("make(case)", lambda: factory(case.copy()), MAKE_LIMIT)
         if self._solver is None:
             raise Misfit("make(case) returned None; it has to return the solver")
         if not callable(getattr(self._solver, "step", None)):
@@ -144,8 +144,8 @@ class Subject:
             )
         return array
 
-    def _call(self, name: str, call: Callable[[], Any]) -> Any:
-        limit = min(CALL_LIMIT, max(self._deadline - time.monotonic(), 1.0) + CALL_LIMIT / 2)
+    def _call(self, name: str, call: Callable[[], Any], limit: float | None = None) -> Any:
+        limit = limit or CALL_LIMIT
         try:
             with _time_limit(limit), warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")

@@ -16,7 +16,7 @@ import numpy as np
 
 from sph_gym.files import atomic_write
 from sph_gym.provenance import VERSION
-from sph_gym.solver.offender import Limits, Offender, State, find, neighborhood
+from sph_gym.solver.offender import Limits, Offender, State, find, neighborhood, not_finite
 from sph_gym.solver.plain import to_plain
 from sph_gym.solver.simulation import Simulation
 
@@ -99,7 +99,7 @@ def watch(
     zero and less, and values that are not finite, never are.
     callback: is given the `Tripped`, once, and the run goes on; by default, it is raised.
 
-    Raises ValueError for a path that doesn't end with .npz and for something that isn't a solver.
+    Raises ValueError for a path that doesn't end with .npz, and for what has no step, x or v.
     """
     if path is not None and Path(path).suffix != ".npz":
         raise ValueError(f"path: expected one that ends with .npz, got {str(path)!r}")
@@ -158,7 +158,11 @@ class _Guard:
         state = self._state()
         if self._step == 1 and not self._given:
             self._limits = _limits(self._solver, state)
-        offender = self._reported(state, report) or _another_number(self._moments[-1].state, state)
+        offender = (
+            self._bad_start()
+            or self._reported(state, report)
+            or _another_number(self._moments[-1].state, state)
+        )
         if offender is None or offender.link != "setup":
             self._moments.append(Moment(self._step, self._time, self._controls(dt), state))
             offender = offender or find(state, self._limits)
@@ -170,6 +174,8 @@ class _Guard:
         # the acceleration of a Simulation would have to be computed
         names = NAMES[:4] if n is not None else NAMES
         columns = {name: _column(getattr(self._solver, name, None), name, n) for name in names}
+        if columns["x"] is None or columns["v"] is None:
+            raise ValueError("solver: expected one with positions x and velocities v")
         if columns["rho"] is not None and not columns["rho"].any():
             columns["rho"] = None  # not computed yet
         return State(**columns)
@@ -179,6 +185,12 @@ class _Guard:
             dt, stiffness, xsph = self._solver.controls
             return dt, stiffness, xsph
         return float(dt), math.nan, math.nan
+
+    def _bad_start(self) -> Offender | None:
+        """Return what isn't finite in the positions and velocities before the first step."""
+        start = self._moments[0].state
+        found = not_finite(State(start.x, start.v)) if self._step == 1 else None
+        return None if found is None else found._replace(link="setup")
 
     def _reported(self, state: State, report: Any) -> Offender | None:
         """Return what a Simulation says about a blow-up; its state is then the last finite one."""
@@ -262,7 +274,18 @@ def _arrays(tripped: Tripped) -> dict[str, Any]:
         if columns[-1] is not None:
             empty = np.full_like(columns[-1], math.nan)
             arrays[f"fields/{name}"] = np.stack([empty if c is None else c for c in columns])
-    parameters = tripped.parameters | {
+
+    def keep(name: str, array: Any) -> dict[str, str]:
+        arrays[name] = array
+        return {"array": name}
+
+    text = json.dumps(to_plain(_told(tripped, n), "arrays", keep), indent=1)
+    return arrays | {"parameters": np.bytes_(text.encode())}
+
+
+def _told(tripped: Tripped, n: int) -> dict[str, Any]:
+    """Return the parameters of the file."""
+    return tripped.parameters | {
         "n_fluid": n,
         "n_particles": n,
         "kind": np.zeros(n, np.uint8),
@@ -275,10 +298,3 @@ def _arrays(tripped: Tripped) -> dict[str, Any]:
         },
         "sph_gym": VERSION,
     }
-
-    def keep(name: str, array: Any) -> dict[str, str]:
-        arrays[name] = array
-        return {"array": name}
-
-    text = json.dumps(to_plain(parameters, "arrays", keep), indent=1)
-    return arrays | {"parameters": np.bytes_(text.encode())}

@@ -2,6 +2,9 @@
 
 import numpy as np
 
+from tests.doctor.solvers.motion_schemes import Schemes
+from tests.doctor.solvers.motion_walls import Walls
+
 # name: shape and slope by q = r / support, before they are normalised in two dimensions
 _KERNELS = {
     "poly6": (lambda q: (1 - q**2) ** 3, lambda q: -6 * q * (1 - q**2) ** 2),
@@ -58,7 +61,7 @@ _DEFAULTS = {
 }
 
 
-class Solver:
+class Solver(Schemes, Walls):
     """A solver of the protocol; see `_DEFAULTS` for its choices. Walls stand in `walls`."""
 
     def __init__(self, case, **choices):
@@ -81,22 +84,6 @@ class Solver:
     x = property(lambda self: self.X.copy())
     v = property(lambda self: self.V.copy())
 
-    def _wall_particles(self):
-        case = self.case
-        if case.box is None or self.walls not in ("layers", "line"):
-            return np.zeros((0, 2))
-        x0, x1, y0, y1 = case.box
-        k = self.layers
-        nx, ny = round((x1 - x0) / case.dx), round((y1 - y0) / case.dx)
-        i, j = np.meshgrid(np.arange(-k, nx + k), np.arange(-k, ny + k), indexing="ij")
-        outside = (i < 0) | (i >= nx) | (j < 0) | (j >= ny)
-        if self.fault == "no right wall":
-            outside &= ~((i >= nx) & (j >= 0) & (j < ny))
-        grid = np.stack([i[outside] + 0.5, j[outside] + 0.5], axis=1)
-        size = np.array([nx, ny])
-        grid += (self.first - 0.5) * (np.sign(grid - size) + np.sign(grid)) / 2
-        return grid * case.dx + np.array([x0, y0])
-
     def _pairs(self, x):
         every = np.concatenate([x, self.wall_x, *self._images(x)]).astype(self.dtype)
         d = x[:, None] - every[None]
@@ -104,69 +91,68 @@ class Solver:
         e = np.where((r > 1e-9)[..., None], d / np.maximum(r, 1e-9)[..., None], 0.0)
         return every, r, e
 
-    def _images(self, x):
-        """Mirror images of all particles at each side, and at each corner."""
-        if self.walls != "ghosts" or self.case.box is None:
-            return []
-        x0, x1, y0, y1 = self.case.box
-        return [
-            np.where([a is not None, b is not None], np.array([2 * (a or 0), 2 * (b or 0)]) - x, x)
-            for a in (None, x0, x1) for b in (None, y0, y1) if (a, b) != (None, None)
-        ]  # fmt: skip
-
     def _pressure(self, rho):
         p = self.B * ((rho / self.case.rho0) ** self.case.gamma - 1)
         return np.maximum(p, 0.0) if self.clamp and self.density == "sum" else p
 
-    def _accelerate(self, x, v, rho=None):
-        n, case = self.n, self.case
-        every, r, e = self._pairs(x)
-        if self.density == "sum":
-            w = self.m * self.W(r)
-            inside = w.sum(axis=1)
-            around = self.wall_rho + w[:, n : n + len(self.wall_x)].sum(axis=0)
-            images = (len(every) - n - len(around)) // n
-            rho = np.concatenate([inside, around, np.tile(inside, images)])
-        elif rho is None:
-            rho = self.R
-        p = self._pressure(rho)
-        if self.density == "continuity" and len(self.wall_x):
-            p[n:] = np.maximum(p[n:], 0.0)
-        if self.frozen:
-            p[n:] = 0.0
-        slope = self.dW(r)
+    def _densities(self, r):
+        """Return rho of particles, of particles in walls, and of images."""
+        w = self.m * self.W(r)
+        inside = w.sum(axis=1)
+        around = self.wall_rho + w[:, self.n : self.n + len(self.wall_x)].sum(axis=0)
+        images = (r.shape[1] - self.n - len(around)) // self.n
+        return np.concatenate([inside, around, np.tile(inside, images)])
+
+    def _push(self, rho, p):
+        """Return what is to be multiplied by the slope of the kernel, (n, all)."""
+        n = self.n
         if self.force == "monaghan":
             s = p / rho**2
-            push = -self.m * (s[:n, None] + s[None])
-        else:
-            push = -self.m * (p[:n, None] + p[None]) / (2 * rho[:n, None] * rho[None])
-        a = ((push * slope)[..., None] * e).sum(axis=1)
-        V = np.concatenate([v, np.zeros((len(every) - n, 2))])
-        dv = v[:, None] - V[None]
+            return -self.m * (s[:n, None] + s[None])
+        return -self.m * (p[:n, None] + p[None]) / (2 * rho[:n, None] * rho[None])
+
+    def _friction(self, r, e, dv, rho):
+        """Return the accelerations by viscosity, Mueller's and Monaghan's."""
+        case = self.case
+        a = np.zeros((self.n, 2))
         if case.viscosity:
             lap = 40 / (np.pi * self.h**5) * np.maximum(self.h - r, 0)
             a -= case.viscosity * self.m * ((lap / rho[None])[..., None] * dv).sum(axis=1)
         if self.alpha:
             closing = np.minimum((dv * e).sum(axis=2) * r, 0.0)
             mu = self.h / 2 * closing / (r**2 + 0.01 * self.h**2)
-            Pi = -self.alpha * case.c0 * mu / ((rho[:n, None] + rho[None]) / 2)
-            a += ((-self.m * Pi * slope)[..., None] * e).sum(axis=1)
-        if self.density == "continuity":
-            full = np.zeros(len(every))
-            full[:n] = self.m * (slope * (dv * e).sum(axis=2)).sum(axis=1)
-            full[n:] = self.m * (slope * (dv * e).sum(axis=2))[:, n:].sum(axis=0)
-            self.drho = full
-        g = case.gravity * {"gravity twice": 2, "gravity sign": -1}.get(self.fault, 1)
+            Pi = -self.alpha * case.c0 * mu / ((rho[: self.n, None] + rho[None]) / 2)
+            a += ((-self.m * Pi * self.dW(r))[..., None] * e).sum(axis=1)
+        return a
+
+    def _gravity(self, r):
+        g = self.case.gravity * {"gravity twice": 2, "gravity sign": -1}.get(self.fault, 1)
         if self.fault == "hidden gravity":
             g = g + np.array([0.0, -9.81])
         if self.fault == "gravity in the loop":
             g = g * (r < self.h).sum(axis=1)[:, None]
-        self.rho, self.p = rho[:n].copy(), p[:n].copy()
-        a = a + g + self._wall_force(x, v)
+        return g
+
+    def _accelerate(self, x, v):
+        n = self.n
+        every, r, e = self._pairs(x)
+        rho = self._densities(r) if self.density == "sum" else self.R
+        p = self._pressure(rho)
+        if self.density == "continuity":
+            p[n:] = np.maximum(p[n:], 0.0)
+        if self.frozen:
+            p[n:] = 0.0
+        dv = v[:, None] - np.concatenate([v, np.zeros((len(every) - n, 2))])[None]
+        a = ((self._push(rho, p) * self.dW(r))[..., None] * e).sum(axis=1)
+        a = a + self._friction(r, e, dv, rho) + self._gravity(r) + self._wall_force(x, v)
+        if self.density == "continuity":
+            rate = self.m * self.dW(r) * (dv * e).sum(axis=2)
+            self.drho = np.concatenate([rate.sum(axis=1), rate[:, n:].sum(axis=0)])
         if self.fault == "one axis":
             a[:, 0] = 0
         if self.fault == "drag":
-            a = a - 20 * (r[:, : len(x)] < self.h).sum(axis=1)[:, None] * v + 20 * v
+            a = a - 20 * (r[:, :n] < self.h).sum(axis=1)[:, None] * v + 20 * v
+        self.rho, self.p = rho[:n].copy(), p[:n].copy()
         self.a = a * rho[:n, None] if self.fault == "shows forces" else a
         return a
 
@@ -192,180 +178,6 @@ class Solver:
                 self.V = self.V / np.maximum(speed / (0.05 * self.case.c0), 1.0)
             self._bounce(dt)
         self.steps += 1
-
-    def _flow(self, dt):
-        """Continuity: densities by the latest velocities."""
-        if self.density == "continuity":
-            self._accelerate(self.X, self.V)
-            self.R = self.R + dt * self.drho
-
-    def _euler(self, dt):
-        A = self._accelerate(self.X, self.V)
-        self.V = self.V + dt * A * (0.5 if self.fault == "half kick" else 1)
-        self.X = self.X + dt * (self.V + self._smooth(self.V)) * (
-            0.5 if self.fault == "half drift" else 1
-        )
-        self._flow(dt)
-
-    def _old_density(self, dt):
-        """Continuity with the velocities from before the kick."""
-        A = self._accelerate(self.X, self.V)
-        self._flow(dt)
-        self.V = self.V + dt * A
-        self.X = self.X + dt * (self.V + self._smooth(self.V))
-
-    def _drift_first(self, dt):
-        self.X = self.X + dt * (self.V + self._smooth(self.V))
-        self._flow(dt)
-        self.V = self.V + dt * self._accelerate(self.X, self.V)
-
-    def _kdk(self, dt):
-        self.V = self.V + dt / 2 * self.A
-        self.X = self.X + dt * (self.V + self._smooth(self.V))
-        self._flow(dt)
-        self.A = self._accelerate(self.X, self.V)
-        self.V = self.V + dt / 2 * self.A
-
-    def _dkd(self, dt):
-        self.X = self.X + dt / 2 * (self.V + self._smooth(self.V))
-        self._flow(dt / 2)
-        self.V = self.V + dt * self._accelerate(self.X, self.V)
-        self.X = self.X + dt / 2 * (self.V + self._smooth(self.V))
-        self._flow(dt / 2)
-
-    def _half(self, dt):
-        """Leapfrog whose v is half a step behind x."""
-        A = self._accelerate(self.X, self.V)
-        self.V = self.V + (dt if self.steps else dt / 2) * A
-        self.X = self.X + dt * self.V
-        self._flow(dt)
-
-    def _verlet(self, dt):
-        """Stoermer-Verlet on positions, with central velocities."""
-        A = self._accelerate(self.X, self.V)
-        if self.before is None:
-            self.before = self.X - dt * self.V + dt**2 / 2 * A
-        X = 2 * self.X - self.before + dt**2 * A
-        self.V = (X - self.before) / (2 * dt)
-        self.before, self.X = self.X, X
-
-    def _midpoint(self, dt):
-        """Predictor-corrector: half a step with the last accelerations, then the whole."""
-        xm, vm, R = self.X + dt / 2 * self.V, self.V + dt / 2 * self.A, self.R
-        if self.density == "continuity":
-            self._accelerate(self.X, self.V)
-            self.R = R + dt / 2 * self.drho
-        self.A = self._accelerate(xm, vm)
-        if self.density == "continuity":
-            self.R = R + dt * self.drho
-        old, self.V = self.V, self.V + dt * self.A
-        self.X = self.X + dt * ((old + self.V) / 2 + self._smooth(vm))
-
-    def _heun(self, dt):
-        R = self.R
-        A = self._accelerate(self.X, self.V)
-        if self.density == "continuity":
-            first = self.drho
-            self.R = R + dt * first
-        xe, ve = self.X + dt * self.V, self.V + dt * A
-        B = self._accelerate(xe, ve)
-        if self.density == "continuity":
-            self.R = R + dt / 2 * (first + self.drho)
-        self.X = self.X + dt / 2 * (self.V + ve)
-        self.V = self.V + dt / 2 * (A + B)
-
-    def _substeps(self, dt):
-        for _ in range(3):
-            self._euler(dt / 3)
-
-    def _forward(self, dt):
-        A = self._accelerate(self.X, self.V)
-        self._flow(dt)
-        self.X, self.V = self.X + dt * self.V, self.V + dt * A
-
-    def _lagged(self, dt):
-        A = self._accelerate(self.X, self.V)
-        self.V = self.V + dt * self.A
-        self.X = self.X + dt * self.V
-        self.A = A
-        self._flow(dt)
-
-    def _taylor(self, dt):
-        """Velocity Verlet whose second half was forgotten."""
-        A = self._accelerate(self.X, self.V)
-        self.X, self.V = self.X + dt * self.V + dt**2 / 2 * A, self.V + dt * A
-
-    # Walls.
-
-    def _sides(self):
-        if self.case.box is None:
-            return []
-        x0, x1, y0, y1 = self.case.box
-        sides = [(0, x0, -1), (0, x1, 1), (1, y0, -1), (1, y1, 1)]
-        if self.fault == "no right wall":
-            del sides[1]
-        if self.fault == "no walls":
-            return []
-        if self.fault == "floor only":
-            sides = sides[2:3]
-        return sides
-
-    def _wall_force(self, x, v):
-        a = np.zeros_like(x, dtype=float)
-        if self.walls not in ("penalty", "damped", "lj", "lj by gravity") or not self.case.box:
-            return a
-        dx, c0 = self.case.dx, self.case.c0
-        for axis, side, out in self._sides():
-            gap = out * (side - x[:, axis])
-            deep = np.maximum(dx / 2 - gap, 0.0)
-            if self.walls in ("penalty", "damped"):
-                a[:, axis] -= out * (c0 / dx) ** 2 * deep * 0.5
-            if self.walls == "damped":
-                a[:, axis] -= np.where(deep > 0, 0.5 * c0 / dx * v[:, axis], 0.0)
-            if self.walls.startswith("lj"):
-                s = dx / np.maximum(gap, 0.3 * dx)
-                D = 0.01 * c0**2
-                if self.walls == "lj by gravity":
-                    D = np.hypot(*self.case.gravity) * 0.5
-                a[:, axis] -= out * np.where(gap < dx, D / dx * (s**4 - s**2), 0.0)
-        return a
-
-    def _bounce(self, dt):
-        if self.walls == "ahead":
-            for axis, side, out in self._sides():
-                next_x = self.X[:, axis] + dt * self.V[:, axis]
-                hit = (out * (next_x - side) > 0) & (out * self.V[:, axis] > 0)
-                self.V[hit, axis] *= -self.restitution
-        if self.walls not in ("clamp", "mirror", "standoff", "no slip"):
-            return
-        fault, dx = self.fault, self.case.dx
-        e = 1.5 if fault == "restitution" else self.restitution
-        for axis, side, out in self._sides():
-            if self.walls == "standoff":
-                side = side - out * dx / 2
-            deep = out * (self.X[:, axis] - side)
-            hit = deep > 0
-            if fault == "leaks when fast":
-                hit &= deep < 0.1 * dx
-            if fault == "leaks at c0":
-                hit &= np.abs(self.V[:, axis]) < 0.5 * self.case.c0
-            if fault == "periodic":
-                self.X[hit, axis] -= 2 * side
-                continue
-            if fault == "walls of nan":
-                self.X[hit] = np.nan
-            if fault == "first ten only":
-                hit &= np.arange(self.n) < 10
-            if fault == "all on the wall":
-                hit[:] = hit.any()
-            self.X[hit, axis] = side - (out * deep[hit] if self.walls == "mirror" else 0.0)
-            leaving = hit & (out * self.V[:, axis] > 0)
-            if fault == "wrong sign":
-                self.V[hit, axis] = out * np.abs(self.V[hit, axis])
-            elif fault != "position only":
-                self.V[leaving, axis] *= -e
-                if self.walls == "no slip":
-                    self.V[leaving, 1 - axis] *= -e
 
 
 class Hidden:

@@ -192,6 +192,13 @@ def test_results_come_in_the_order_of_the_chain_and_are_reported_at_once():
     assert links == sorted(links)
 
 
+def test_no_experiment_goes_astray():
+    """A mistake in a check would read as inconclusive."""
+    results = check_solver(plain.make).results
+    assert [each.check for each in results if "could not be used" in each.message] == []
+    assert {each.status for each in results} <= {"pass", "skip"}
+
+
 def test_one_seed_one_diagnosis():
     def numbers(seed):
         skipped = [name for name, each in CHECKS.items() if each.last]

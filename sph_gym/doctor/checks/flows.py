@@ -27,6 +27,9 @@ def density_in_flow(lab: Lab) -> Finding:
     inside = np.abs(x).max(axis=1) < 1.5 * DX
     if not np.isfinite(rise).all():
         return inconclusive("the block is not finite, which other checks judge")
+    planned = _SHRINK * _STEPS / (_STEPS + 1)
+    if not 0.9 < (1 - narrower) / planned < 1.5:
+        return inconclusive("the block does not shrink as it moves, which other checks judge")
     expected = RHO0 * (narrower**-2 - 1)
     share = float(np.median(rise[inside]) / expected)
     told = f"a block of 9 x 9 becomes {1 - narrower:.1%} narrower by its own motion"

@@ -21,10 +21,11 @@ STEP = 0.2
 GAP = 1.3
 LOOKS = (14, 17, 19, 22, 25, 27, 30, 33)
 # A running solver may differ from a new one by so much, as a share of the largest: a group that
-# was together from the start; one that came from afar.
-KNOWN, NEWCOMERS = 0.02, 0.06
-# Pairs nearer than this [h] must be in lists of the step before as well.
-CLOSE = 0.9
+# was together from the start; two that came from afar, for a pass; and for no fault, as lists with
+# a margin that are renewed at intervals get there in such long steps.
+KNOWN, NEWCOMERS, LATE = 0.02, 0.06, 0.2
+# Pairs nearer than this [h] must be listed, by such lists too.
+CLOSE = 0.75
 
 
 class Look(NamedTuple):
@@ -58,14 +59,12 @@ def newcomers(lab: Lab) -> Finding:
             worst.append(max(look[way] for look in met))
     if not (worst and any(look.felt for look in known) and any(look.felt for look in met)):
         return _passing_through(lab)
-    if max(worst) > NEWCOMERS:
+    if max(worst) > LATE:
         return _out_of_date(max(worst), 0.0, "of the largest")
-    return passed(
-        "two groups that fly into each other feel what a new solver makes them feel",
-        max(worst),
-        0.0,
-        tolerance=f"{NEWCOMERS} of the largest",
-    )
+    text = "two groups that fly into each other feel what a new solver makes them feel"
+    if max(worst) > NEWCOMERS:
+        return inconclusive(f"{text}, but some of it late", max(worst), 0.0)
+    return passed(text, max(worst), 0.0, tolerance=f"{NEWCOMERS} of the largest")
 
 
 def _huddle() -> Case:

@@ -102,29 +102,36 @@ def _missing(
         f"not listed, such as {j} of particle {i}, {r[i, j] / start.h:.2f} h apart"
     )
     numbers = (int(missing.sum()), 0)
-    listed = near & ~missing
-    reach = r[listed].max() / start.h if listed.any() else 0.0
-    if reach < 0.95 and r[missing].min() > r[listed].max() - 1e-6 * start.h:
-        text += f"; no pair beyond {reach:.2f} h is"
-        soft = ends_softly(lab, reach)
-        if soft is None:
-            return inconclusive(text, *numbers, unit="pairs missing")
-        if soft:
-            return failed(
-                f"{text}, and there the kernel ends as well",
-                "case.h is the radius at which the kernel ends. A code whose h is the smoothing "
-                "length, with kernels that end at 2 h, has to take case.h / 2 for it.",
-                reach,
-                1.0,
-                unit="h",
-                link="density",
-            )
+    found = near & ~missing
+    reach = float(r[found].max() / start.h) if found.any() else 0.0
+    if found.any() and reach < 0.95 and r[missing].min() > (reach - 1e-6) * start.h:
+        finding = _short(lab, reach, f"{text}; no pair beyond {reach:.2f} h is")
+        if finding:
+            return finding
     return failed(
         text,
         BRUTE_FORCE + "Cells must be at least as wide as the support, all nine cells around a "
         "particle be searched, and cells of negative coordinates come from floor(), not int().",
         *numbers,
         unit="pairs missing",
+    )
+
+
+def _short(lab: Lab, reach: float, text: str) -> Finding | None:
+    """Judge lists that end at `reach` [h]; None if the kernel goes on there."""
+    soft = ends_softly(lab, reach)
+    if soft is None:
+        return inconclusive(text, reach, 1.0, unit="h")
+    if not soft:
+        return None
+    return failed(
+        f"{text}, and there the kernel ends as well",
+        "case.h is the radius at which the kernel ends. A code whose h is the smoothing length, "
+        "with kernels that end at 2 h, has to take case.h / 2 for it.",
+        reach,
+        1.0,
+        unit="h",
+        link="density",
     )
 
 

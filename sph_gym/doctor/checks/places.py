@@ -22,6 +22,11 @@ UNEQUAL = f"{EQUAL} of the largest"
 _SILENT = "particles don't feel each other, at rest or in motion"
 
 
+# Pushes of this size [c0^2 / h] are no fluid's, squeezed or not.
+_BURST = 1e9
+_THROWN = "groups at rest burst, which other checks judge"
+
+
 @check("neighbours", step=2, needs=("order",))
 def same_everywhere(lab: Lab) -> Finding:
     """Put the same group at 26 places: does it feel the same at each?"""
@@ -31,6 +36,8 @@ def same_everywhere(lab: Lab) -> Finding:
         return inconclusive("the same group at 26 places: some numbers are not finite")
     if not felt(response, start):
         return inconclusive(_SILENT)
+    if _explodes(response, start):
+        return inconclusive(_THROWN)
     copies = response.take(members)
     middle = _median(copies)
     wandering = np.abs(copies.moved - middle.moved).max(axis=(1, 2))
@@ -62,6 +69,11 @@ def _copies(lab: Lab) -> tuple[Case, Array, NDArray[np.intp]]:
 def _median(copies: Response) -> Response:
     rho = None if copies.rho is None else np.median(copies.rho, axis=0)
     return Response(rho, np.median(copies.a, axis=0), np.median(copies.moved, axis=0))
+
+
+def _explodes(response: Response, start: Case) -> bool:
+    """Return whether particles are pushed so hard that no step is short enough for them."""
+    return bool(np.abs(response.a).max() > _BURST * start.c0**2 / start.h)
 
 
 def _walled(start: Case, places: Array, wandering: Array) -> Finding:
@@ -167,6 +179,8 @@ def _shifted(
     again = respond(lab, start, start.x.mean(axis=0))
     if _unlike(again, here, start) > 0.01 * EQUAL:
         return inconclusive("the same case twice gives different numbers")
+    if _explodes(there, start) or _explodes(here, start):
+        return inconclusive(_THROWN)
     wandering = np.abs(there.moved - here.moved).max(axis=1)
     if (wandering > 0.01 * start.h).any():
         return _walled(start, moved.x, wandering)

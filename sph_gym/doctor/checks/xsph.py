@@ -150,7 +150,7 @@ def xsph_momentum(lab: Lab) -> Finding:
     if useless := _useless(lab):
         return useless
     more = added_by_motion(lab, one_in_motion())
-    left = float(np.hypot(*more.sum(axis=0))) / max(float(np.hypot(*more[40])), 1e-300)
+    left = float(np.hypot(*more.sum(axis=0))) / max(float(np.hypot(*more[0])), 1e-300)
     tolerance = "0.3 of what the one loses"
     numbers = (left, 0.0)
     if left > 0.3:

@@ -101,13 +101,17 @@ def _coincident(survey: Survey, worst: int) -> Finding:
             0,
             unit="particles",
         )
+    return _on_top(survey, text, int(same.sum()))
+
+
+def _on_top(survey: Survey, text: str, n: int) -> Finding:
     pressures = [f.p for f in survey.samples if f.p is not None]
     if pressures and not any(p.any() for p in pressures):
         return failed(
             f"{text}, and all pressures of all frames are zero: nothing keeps particles apart",
             "Densities that never come above that of rest give no pressure: look at the mass of a "
             "particle, rho0 dx^2 in two dimensions, and at the constant of the kernel.",
-            int(same.sum()),
+            n,
             0,
             unit="particles",
             link="density",
@@ -117,7 +121,7 @@ def _coincident(survey: Survey, worst: int) -> Finding:
         "Particles at one place have no direction to part in: the pressure force must keep them "
         "from coming so close (sign, gradient of the kernel); a small random push parts those "
         "that did.",
-        int(same.sum()),
+        n,
         0,
         unit="particles",
     )

@@ -1,13 +1,18 @@
 """Do particles leave through walls, or far away from the fluid?"""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.survey import Survey, nearest
+from sph_gym.doctor.passive.survey import Survey
 from sph_gym.doctor.reading import Frame
+from sph_gym.doctor.reading.frames import Array
 
-# A path that crosses the border of the walls nearer to one than this [spacings] went through.
-GAP = 0.75
+# A path that crosses the border of the walls between two wall particles, each nearer than this
+# [spacings], went through. What slides off the end of a wall has wall particles on one side only.
+GAP = 0.9
 # So many extents of all others away, a particle is lost.
 FAR = 3.0
 _LEAK = (
@@ -29,11 +34,15 @@ def escape(survey: Survey) -> Finding:
         found = _beyond(survey, walls.box)
         if found is not None:
             return found
-    if survey.walls is not None and survey.change is None and not survey.reordered:
+    if survey.walls is not None and not survey.walls_move and _followed(survey):
         found = _through(survey, survey.walls)
         if found is not None:
             return found
     return _far(survey)
+
+
+def _followed(survey: Survey) -> bool:
+    return survey.change is None and not survey.reordered
 
 
 def _beyond(survey: Survey, box: tuple[float, float, float, float]) -> Finding | None:
@@ -55,42 +64,68 @@ def _beyond(survey: Survey, box: tuple[float, float, float, float]) -> Finding |
     return None
 
 
-def _through(survey: Survey, walls: np.ndarray) -> Finding | None:
-    """Find a path that leaves the rectangle around all walls where a wall particle is."""
-    low, high = walls.min(axis=0), walls.max(axis=0)
-    for k, a, b in survey.pairs():
-        found = _crossing(a, b, low, high)
-        if found is None:
+def _through(survey: Survey, walls: Array) -> Finding | None:
+    """Find a path that leaves the rectangle around fluid and walls where a wall particle is."""
+    everything = np.concatenate([survey.first.x, walls])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    counts = [_outside(frame, low, high).sum() for frame in survey.samples]
+    for k, last, before, after in zip(
+        survey.sampled, survey.sampled[1:], counts, counts[1:], strict=False
+    ):
+        if after <= before:
             continue
-        i, points = found
-        gaps = nearest(points, walls) / survey.spacing
-        leaks = gaps < GAP
-        if leaks.any():
-            first = int(np.argmax(leaks))
-            return failed(
-                f"after {survey.when(k)}, {leaks.sum()} particles leave the rectangle around the "
-                f"walls; particle {survey.name(a, int(i[first]))} does so through a wall particle, "
-                f"{gaps[first]:.2g} spacings from it",
-                _LEAK,
-                int(leaks.sum()),
-                0,
-                unit="particles",
-            )
+        a = survey.fluid(k)
+        for m in range(k + 1, last + 1):
+            b = survey.fluid(m)
+            found = _leak(survey, a, b, (low, high), walls)
+            if found is not None:
+                return found
+            a = b
     return None
 
 
-def _crossing(a: Frame, b: Frame, low: np.ndarray, high: np.ndarray) -> tuple | None:
-    """Return which particles leave the rectangle between two frames, and where (m, d) [m]."""
-    inside = ((a.x >= low) & (a.x <= high)).all(axis=1)
-    outside = ((b.x < low) | (b.x > high)).any(axis=1)
-    i = np.flatnonzero(inside & outside)
-    if not len(i):
+def _leak(
+    survey: Survey, a: Frame, b: Frame, ends: tuple[Array, Array], walls: Array
+) -> Finding | None:
+    i, points, axes = _crossing(a, b, *ends)
+    leaks = np.array(
+        [_is_between(p, axis, walls, GAP * survey.spacing)
+         for p, axis in zip(points, axes, strict=True)], bool
+    )  # fmt: skip
+    if not leaks.any():
         return None
+    first = int(np.argmax(leaks))
+    return failed(
+        f"between t = {a.time:.4g} s and {b.time:.4g} s, {leaks.sum()} particles leave the "
+        f"rectangle around fluid and walls; particle {survey.name(a, int(i[first]))} does so "
+        f"between wall particles, at ({points[first, 0]:.4g}, {points[first, 1]:.4g}) m",
+        _LEAK,
+        int(leaks.sum()),
+        0,
+        unit="particles",
+    )
+
+
+def _is_between(point: Array, axis: int, walls: Array, reach: float) -> bool:
+    """Return whether wall particles are near, on both sides; axis: that along which it leaves."""
+    away = walls - point
+    near = (np.abs(away[:, axis]) < reach / 2) & (np.abs(away) < reach).all(axis=1)
+    beside = np.delete(away[near], axis, axis=1)
+    return bool((beside < 0).any() and (beside > 0).any())
+
+
+def _outside(frame: Frame, low: Array, high: Array) -> NDArray[np.bool_]:
+    return np.asarray(((frame.x < low) | (frame.x > high)).any(axis=1))
+
+
+def _crossing(a: Frame, b: Frame, low: Array, high: Array) -> tuple[Any, Array, Any]:
+    """Return which particles leave the rectangle, where (m, d) [m], and along which axes (m,)."""
+    i = np.flatnonzero(~_outside(a, low, high) & _outside(b, low, high))
     start, way = a.x[i], b.x[i] - a.x[i]
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(way > 0, (high - start) / way, (low - start) / way)
-    shares = np.where(way == 0, np.inf, shares).min(axis=1)
-    return i, start + shares[:, None] * way
+    shares = np.where(way == 0, np.inf, shares)
+    return i, start + shares.min(axis=1, initial=1.0)[:, None] * way, shares.argmin(axis=1)
 
 
 def _far(survey: Survey) -> Finding:

@@ -8,6 +8,8 @@ from sph_gym.doctor.passive.survey import Survey
 
 # Pressures may be so far off a known law, as a share of themselves.
 EXACT = 0.02
+# Exponents within so much of each other are told as one.
+VAGUE = 1.0
 # Correlation of density and pressure beyond which one falls as the other grows.
 FALLING = 0.8
 
@@ -20,7 +22,7 @@ def equation_of_state(survey: Survey) -> Finding:
     if survey.known.scene is not None and survey.known.stiffness is not None:
         return _against_scene(survey, found)
     if found is None:
-        return inconclusive("pressures are zero or all the same: no law can be told")
+        return inconclusive("too few pressures differ from zero and each other to tell a law")
     if found.tie < -FALLING:
         return failed(
             "the larger the density, the smaller the pressure: compression pulls instead of "
@@ -40,6 +42,14 @@ def equation_of_state(survey: Survey) -> Finding:
             0.0,
             unit="share of the pressures' spread",
         )
+    return _exponent(found)
+
+
+def _exponent(found: Law) -> Finding:
+    """Return what is said of a law that fits."""
+    # densities that hardly differ obey many an exponent
+    vague = found.high - found.low > VAGUE
+    numbers = (f"{found.low:.3g} to {found.high:.3g}" if vague else found.gamma, 7.0)
     told = (
         f"gamma = {found.gamma:.3g} ({found.low:.3g} to {found.high:.3g}), "
         f"B = {found.stiffness:.4g} Pa, rho0 = {found.rho0:.5g} kg/m^3, "
@@ -49,23 +59,19 @@ def equation_of_state(survey: Survey) -> Finding:
         return inconclusive(
             f"pressures never vanish: p = K rho^{found.gamma:.3g}, the law of a gas. For a liquid, "
             "take p = B ((rho / rho0)^7 - 1)",
-            found.gamma,
-            7.0,
+            *numbers,
             unit="gamma",
         )
     if found.low <= 7 <= found.high:
-        return passed(f"Tait's equation: {told}", found.gamma, 7.0, unit="gamma")
+        return passed(f"Tait's equation: {told}", *numbers, unit="gamma")
     if found.low <= 1 <= found.high:
         return inconclusive(
             f"the law is linear: {told}. It is a common one, but hardly resists strong "
             "compression; if the fluid looks like a gas, take gamma = 7",
-            found.gamma,
-            7.0,
+            *numbers,
             unit="gamma",
         )
-    return inconclusive(
-        f"Tait's equation with an unusual exponent: {told}", found.gamma, 7.0, unit="gamma"
-    )
+    return inconclusive(f"an unusual exponent: {told}", *numbers, unit="gamma")
 
 
 def _against_scene(survey: Survey, found: Law | None) -> Finding:

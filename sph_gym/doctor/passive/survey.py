@@ -59,8 +59,9 @@ class Survey:
     first: the fluid of frame 0; looks: one a frame; bad: what ended it; change: of the particles;
     doubled: a frame in which two particles have one identity, -1 if none has; still: (n,) which
     fluid particles are at their place in all frames; walls: (m, d) positions of walls at the
-    start; reordered: whether rows change their particles, as the check `particles` finds; facts:
-    what other checks have found, by name; notes: for the diagnosis.
+    start; walls_move: whether they are elsewhere later; reordered: whether rows change their
+    particles, as the check `particles` finds; facts: what other checks have found, by name;
+    notes: for the diagnosis.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -70,7 +71,7 @@ class Survey:
         self.bad: Bad | None = None
         self.change: Change | None = None
         self.doubled = -1
-        self.reordered = False
+        self.reordered = self.walls_move = False
         self.facts: dict[str, Any] = {}
         self._fluid: NDArray[np.bool_] | None = None
         first = recording.frame(0)
@@ -81,7 +82,9 @@ class Survey:
         self.still = np.ones(len(self.first.x), bool)
         before = self.first
         for k in range(len(recording)):
-            frame = self.first if k == 0 else self.frame(k)
+            raw = first if k == 0 else recording.frame(k)
+            frame = self._in_order(raw)
+            self.walls_move = self.walls_move or not _same_place(first, raw)
             self.bad = self._first_bad(k, frame)
             if self.bad is not None:
                 break
@@ -92,7 +95,9 @@ class Survey:
 
     def frame(self, k: int) -> Frame:
         """Return the fluid of frame k, sorted by identities if there are any."""
-        frame = self.recording.frame(k)
+        return self._in_order(self.recording.frame(k))
+
+    def _in_order(self, frame: Frame) -> Frame:
         if frame.wall is not None:
             frame = frame.part(~frame.wall)
         if not self._uses_ids or frame.ids is None:
@@ -110,7 +115,8 @@ class Survey:
             values = getattr(frame, column)
             if values is None:
                 continue
-            wrong = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+            finite = np.isfinite(values)
+            wrong = ~(finite.all(axis=1) if values.ndim == 2 else finite)
             if wrong.any():
                 i = int(np.argmax(wrong))
                 return Bad(k, column, self.name(frame, i), int(wrong.sum()))
@@ -198,11 +204,14 @@ def nearest(x: Array, others: Array | None = None) -> Array:
     return distances(x, others, 1)[:, 0] if len(others) else np.full(len(x), np.inf)
 
 
-def distances(x: Array, others: Array, k: int) -> Array:
-    """Return (n, k) distances [m] to the k nearest of the others, infinite where there are less."""
+def distances(x: Array, others: Array, k: int, reach: float = math.inf) -> Array:
+    """Return (n, k) distances [m] to the k nearest of the others within reach [m], else infinite.
+
+    Raises ImportError that names the extra if scipy is missing.
+    """
     with needs_extra("studies"):
         from scipy.spatial import cKDTree
-    found = np.asarray(cKDTree(others).query(x, k=k)[0], np.float64)
+    found = np.asarray(cKDTree(others).query(x, k, distance_upper_bound=reach)[0], float)
     return found.reshape(len(x), k)
 
 
@@ -216,6 +225,14 @@ def _same_particles(before: Frame, frame: Frame) -> bool:
 
 def _walls(frame: Frame) -> Array | None:
     return None if frame.wall is None or not frame.wall.any() else frame.x[frame.wall]
+
+
+def _same_place(first: Frame, frame: Frame) -> bool:
+    """Return whether walls are where they were."""
+    before, now = _walls(first), _walls(frame)
+    if before is None or now is None:
+        return before is now
+    return before.shape == now.shape and bool((before == now).all())
 
 
 def _look(frame: Frame) -> Look:

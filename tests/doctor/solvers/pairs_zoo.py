@@ -181,11 +181,22 @@ class Zoo:
 
     def step(self, dt):
         getattr(self, self.style.integrator)(dt)
+        self.bounce()
         self.x, self.v = self.x.astype(self.type), self.v.astype(self.type)
 
+    def bounce(self):
+        """Put who has passed a wall back onto it, and stop what goes on outwards."""
+        if self.case.box is None:
+            return
+        low, high = np.reshape(self.case.box, (2, 2)).T
+        out = (self.x < low) & (self.v < 0) | (self.x > high) & (self.v > 0)
+        self.x, self.v = np.clip(self.x, low, high), np.where(out, 0.0, self.v)
+
     def euler(self, dt):
+        if self.style.density == "continuity":
+            self.geometry()
+            self.grow(dt)
         self.evaluate()
-        self.grow(dt)
         self.v = self.v + dt * self.a
         self.x = self.x + dt * (self.v + self.smoothing())
 
@@ -200,7 +211,6 @@ class Zoo:
     def dkd(self, dt):
         self.x = self.x + dt / 2 * (self.v + self.smoothing())
         self.evaluate()
-        self.grow(dt)
         self.v = self.v + dt * self.a
         self.dv = self.v[:, None] - self.v[None]
         self.x = self.x + dt / 2 * (self.v + self.smoothing())
@@ -208,7 +218,6 @@ class Zoo:
     def half(self, dt):
         """Leapfrog whose v belongs to the middle of the step."""
         self.evaluate()
-        self.grow(dt)
         self.v = self.v + (dt if self.started else dt / 2) * self.a
         self.started = True
         self.x = self.x + dt * (self.v + self.smoothing())
@@ -269,7 +278,7 @@ HEALTHY = {
     "mass_of_the_start": {"mass": "start"},
     "single": {"dtype": np.float32},
     "single_article": {"dtype": np.float32, "kernel": "article", "integrator": "dkd"},
-    "no_clamp": {"clamp": False, "viscosity": "monaghan_nu"},
+    "monaghan_nu": {"viscosity": "monaghan_nu"},
     "switched": {"viscosity": "switched_nu", "force": "mean"},
     "predictor": {"integrator": "predictor", "always_alpha": 0.1},
     "half": {"integrator": "half", "viscosity": "mu", "xsph": "article"},

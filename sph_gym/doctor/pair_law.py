@@ -20,7 +20,7 @@ from sph_gym.doctor.pair_faults import FAULTS, LINEAR, SOUND, Fault
 # one. Of some twenty kernels that are not in `KERNELS`, no faulty law is nearer than 33 %.
 EXPLAINS, FAR = 0.02, 0.08
 CLEARLY = 5.0
-# Forces in c0^2 / h that rounding makes where velocities are differences of positions.
+# Forces in c0^2 / h that rounding makes in tiny steps, where velocities are differences of x.
 ROUNDING = 5e-3
 
 
@@ -114,7 +114,7 @@ def _fits(series: list[Series], fault: Fault, scaled: bool = False) -> Iterator[
                 continue  # Mueller's form, counted twice, is the usual form
             error = np.zeros(scale.shape)
             for one, model in zip(series, models, strict=True):
-                off = _error(form * scale[..., None] * model, one.force)
+                off = _error(form * scale[..., None] * model, one)
                 error = np.maximum(error, np.where(np.isfinite(off), off, np.inf))
             if fault is not SOUND:
                 # the more laws are tried, the sooner a wrong one fits by chance
@@ -131,12 +131,13 @@ def _scale(model: Array, force: Array) -> Array:
         return np.asarray(force[most] / model[..., most])
 
 
-def _error(model: Array, force: Array) -> Array:
-    """Return how far each model (i, j, k) is from a force (k,), at its worst distance."""
-    size = np.abs(force).max(initial=0.0)
-    floor = 1e-3 * size + ROUNDING
-    off = np.maximum(np.abs(model - force) - ROUNDING, 0.0)
-    return np.asarray((off / ((np.abs(model) + np.abs(force)) / 2 + floor)).max(axis=-1))
+def _error(model: Array, one: Series) -> Array:
+    """Return how far each model (i, j, k) is from the measured forces, at its worst distance."""
+    rounding = ROUNDING if one.start is None else 0.0
+    size = np.abs(one.force).max(initial=0.0)
+    floor = 1e-3 * size + max(rounding, 1e-6)
+    off = np.maximum(np.abs(model - one.force) - rounding, 0.0)
+    return np.asarray((off / ((np.abs(model) + np.abs(one.force)) / 2 + floor)).max(axis=-1))
 
 
 def _difference(one: Series, fault: Fault, calibrated: bool) -> Array:

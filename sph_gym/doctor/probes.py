@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
-from sph_gym.doctor.findings import Finding, inconclusive
+from sph_gym.doctor.findings import Finding, failed, inconclusive
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import Function
 from sph_gym.doctor.subject import Crash, Subject
@@ -20,8 +20,7 @@ from sph_gym.doctor.subject import Crash, Subject
 # Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
 # times as large as those at rest, and even then a step is to move nobody by more than 1e-5 h.
 STILL = 1e-6
-# The time step of particles in motion [h / c0].
-MOMENT = 0.002
+MOMENT = 0.002  # the time step of particles in motion
 # Distances of pairs in support radii: dense where kernels differ, and some beyond the support.
 DISTANCES = np.array([*np.linspace(0.03, 0.98, 24), 1.03, 1.2, 1.5, 1.9])
 # Between pairs, in support radii; a kernel of twice the support must not join two of them.
@@ -291,3 +290,11 @@ def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Seen]:
     # the accelerations are those of the last evaluation, a step ago at most
     where = subject.x.reshape(n_groups, n, 2)
     return where, passing(subject, lab, dt)
+
+
+def not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Finding:
+    """Return that something is not finite: densities, pressures or accelerations."""
+    for name, link, values in (("rho", "density", found.rho), ("p", "pressure", found.p)):
+        if name in lab.shown and not np.isfinite(values).all():
+            return failed(f"{what}: {name} not finite", remedy, "not finite", "finite", link=link)
+    return failed(f"{what}: accelerations not finite", remedy, "not finite", "finite")

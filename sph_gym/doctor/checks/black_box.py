@@ -83,14 +83,21 @@ def pair_law(lab: Lab) -> Finding:
     series = _measured(lab, ratio)
     if not all(np.isfinite(one.force).all() for one in series):
         return inconclusive("forces of pairs are not finite")
-    if sum(int((np.abs(one.force) > _NONE).sum()) for one in series) < 10:
+    least = _NONE if series[0].start is None else 1e-2 * _NONE
+    if sum(int((np.abs(one.force) > least).sum()) for one in series) < 10:
         return inconclusive("too few pairs push or pull each other")
+    return _explained(lab, series)
+
+
+def _explained(lab: Lab, series: list[Series]) -> Finding:
+    """Return which law explains the forces of pairs."""
+    moving = series[0].start is not None
     # accelerations of pairs in motion belong to a time that is known to half a step only
-    explains = EXPLAINS if series[0].start is None else 2 * EXPLAINS
+    explains = 2 * EXPLAINS if moving else EXPLAINS
     sound, faulty = laws(series)
     text = "forces of pairs at 28 distances, in several cases"
     if sound.error < explains:
-        if series[0].start is None:
+        if not moving:
             lab.facts["law"] = sound
         return passed(f"{text}: {sound}", f"{sound}", "a sound law", tolerance="2 %")
     far = max(CLEARLY * faulty.error, FAR)

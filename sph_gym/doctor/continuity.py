@@ -25,7 +25,7 @@ EVERY_PAIR = (
 def by_continuity(lab: Lab) -> Finding:
     """Return what is found of densities that don't depend on positions."""
     settings = fluid(H)
-    early, late = closing(lab, DISTANCES, (2, 8), **settings)
+    early, late = closing(lab, DISTANCES, (4, 16), **settings)
     both, nearer = late.rho - early.rho, early.q - late.q
     rise = both.mean(axis=1)
     if np.abs(rise).max() < 1e-5 * np.abs(late.rho).max():
@@ -37,7 +37,7 @@ def by_continuity(lab: Lab) -> Finding:
     moved = np.abs(nearer) > 0.1 * np.abs(nearer).max()
     middle, slopes = ((early.q + late.q) / 2)[moved], (rise / np.where(moved, nearer, 1.0))[moved]
     if slopes[np.argmax(np.abs(slopes))] < 0:
-        return _falling(slopes, bool(late.push.sum() > 1e-3 * C0**2 / H))
+        return _falling(slopes, bool((late.push - early.push).sum() > 1e-3 * C0**2 / H))
     return _reach(middle, slopes) or _slopes_mass(lab, middle, slopes)
 
 

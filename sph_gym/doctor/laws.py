@@ -4,7 +4,7 @@ Lengths are in support radii: q = r / h, and W = 0 beyond q = 1. Splines and the
 their authors write in smoothing lengths, are told in the same way.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -137,14 +137,21 @@ class Match(NamedTuple):
         return KERNELS.get(self.name)
 
 
-def match(q: Array, values: Array, which: str, alike: float = ALIKE) -> Match:
+def match(
+    q: Array,
+    values: Array,
+    which: str,
+    alike: float = ALIKE,
+    names: Collection[str] = (),
+) -> Match:
     """Return the kernel whose `which`, "weight" or "slope", is proportional to measured values.
 
-    q: (k,) distances in support radii; values: (k,); alike: the largest error of a match.
+    q: (k,) distances in support radii; values: (k,); alike: the largest error of a match; names:
+    of the kernels that come into question, by default all.
     """
     best = Match("", 0.0, np.inf)
     size = float(np.abs(values).max(initial=0.0))
-    for kernel in KERNELS.values():
+    for kernel in (KERNELS[name] for name in names or KERNELS):
         shape = getattr(kernel, which)(q)
         square = float(shape @ shape)
         if not size or not square:

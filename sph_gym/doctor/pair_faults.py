@@ -12,8 +12,9 @@ class Fault(NamedTuple):
     factors of the mass, of the force, and of every sum over pairs; exponent, stiffness: of
     p = stiffness ((rho/rho0)^exponent - 1 + rest) / exponent, None for gamma; clamp: whether p < 0
     is cut off; absolute: whether |p| is taken; upside_down: whether it is rho0/rho; reach: of both
-    kernels, in h; reach_density: of that for densities; pairing: whether the slope is poly6's;
-    times_r: whether the direction is a distance instead of a unit vector.
+    kernels, in h; reach_density: of that for densities; rate: factor of d rho/dt, of continuity
+    only; pairing: whether the slope is poly6's; times_r: whether the direction is a distance
+    instead of a unit vector.
     """
 
     link: str = ""
@@ -33,6 +34,7 @@ class Fault(NamedTuple):
     upside_down: bool = False
     reach: float = 1.0
     reach_density: float = 1.0
+    rate: float = 1.0
     pairing: bool = False
     times_r: bool = False
 
@@ -79,7 +81,7 @@ FAULTS = (
             "case.h is the SUPPORT radius: a smoothing length is a half or a third of it.",
             reach=reach,
         )
-        for reach in (0.5, 2.0, 1 / 3)
+        for reach in (0.5, 2.0, 3.0, 1 / 3)
     ),
     *(
         Fault(
@@ -170,6 +172,21 @@ FAULTS = (
         solid_force=True,
     ),
     Fault("force", "force twice", "Each pair is to push once.", force=2.0),
+    Fault(
+        "force",
+        "wrong sign, in the rate of density, too",
+        "Count the minus signs of the slope, which pressure and d rho/dt share.",
+        force=-1.0,
+        rate=-1.0,
+        clamp=False,
+    ),
+    Fault(
+        "force",
+        "slope a third as large, in the rate of density, too",
+        "The slope of the spiky kernel in 2D is -30/(pi h^5) (h - r)^2, not -10/(pi h^5).",
+        force=1 / 3,
+        rate=1 / 3,
+    ),
     Fault("force", "wrong sign", "Count the minus signs of the slope.", force=-1.0),
 )
 

@@ -5,13 +5,14 @@ that fails elsewhere doesn't spoil what is measured of the laws.
 """
 
 import traceback
+from collections.abc import Callable
 from functools import wraps
 from typing import NamedTuple
 
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
-from sph_gym.doctor.findings import Finding, inconclusive
+from sph_gym.doctor.findings import Finding, failed, inconclusive
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import Function
 from sph_gym.doctor.subject import Crash, Subject
@@ -19,8 +20,7 @@ from sph_gym.doctor.subject import Crash, Subject
 # Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
 # times as large as those at rest, and even then a step is to move nobody by more than 1e-5 h.
 STILL = 1e-6
-# Of pairs that approach each other: their speed in c0, the time step in h / c0.
-CLOSING, MOMENT = 0.1, 0.004
+MOMENT = 0.002  # the time step of particles in motion
 # Distances of pairs in support radii: dense where kernels differ, and some beyond the support.
 DISTANCES = np.array([*np.linspace(0.03, 0.98, 24), 1.03, 1.2, 1.5, 1.9])
 # Between pairs, in support radii; a kernel of twice the support must not join two of them.
@@ -92,18 +92,22 @@ def fields(lab: Lab, start: Case) -> Seen:
 
     Raises ValueError if steps do not go with dt, so that accelerations can't be told.
     """
-    for share in (1.0, 0.03):
+    for share in (1.0, 0.03, 1e-3):
         subject = lab.make(start)
-        seen = _look(subject, lab, share * STILL * start.h / start.c0)
+        seen, double = _look(subject, lab, share * STILL * start.h / start.c0)
         moved = float(np.abs(subject.x - start.x).max()) / start.h
         if not moved > 1e-5 * (100 if lab.float32 else 1):
             break
     if moved > 1e-2:
         raise ValueError("particles move far in a step of almost no time")
+    # a leapfrog that means the last two steps gives three quarters
+    if np.abs(double - seen.a).max() > 0.4 * np.abs(seen.a).max() > 0:
+        raise ValueError("a step of twice the time does not change velocities twice as much")
     return seen
 
 
-def _look(subject: Subject, lab: Lab, still: float) -> Seen:
+def _look(subject: Subject, lab: Lab, still: float) -> tuple[Seen, Array]:
+    """Return what is seen, and the accelerations (n, 2) that a step of twice the time shows."""
     if "evaluate" in lab.shown:
         # twice, for a solver whose pressures lag behind
         subject.evaluate().evaluate()
@@ -111,22 +115,19 @@ def _look(subject: Subject, lab: Lab, still: float) -> Seen:
         subject.step(still, 3)
     rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
     if "a" in lab.shown:
-        return Seen(rho, p, subject.get("a"))
+        a = subject.get("a")
+        return Seen(rho, p, a), a
     if "evaluate" in lab.shown:
         subject.step(still)
-    a = _change(subject, still, 2)
-    double = _change(subject, 2 * still)
-    # a leapfrog that means the last two steps gives three quarters
-    if np.abs(double - a).max() > 0.4 * np.abs(a).max() > 0:
-        raise ValueError("a step of twice the time does not change velocities twice as much")
-    return Seen(rho, p, a)
+    return Seen(rho, p, change(subject, still, 2)), change(subject, 2 * still)
 
 
 def _shown(subject: Subject, lab: Lab, name: str) -> Array:
     return subject.get(name) if name in lab.shown else np.full(subject.case.n, np.nan)
 
 
-def _change(subject: Subject, dt: float, n_steps: int = 1) -> Array:
+def change(subject: Subject, dt: float, n_steps: int = 1) -> Array:
+    """Return dv/dt (n, 2) [m/s^2] over the next steps of dt seconds."""
     before = subject.v
     return (subject.step(dt, n_steps).v - before) / (n_steps * dt)
 
@@ -134,7 +135,7 @@ def _change(subject: Subject, dt: float, n_steps: int = 1) -> Array:
 def passing(subject: Subject, lab: Lab, dt: float) -> Seen:
     """Return rho, p and a as they were at the last evaluation of a solver in motion."""
     rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
-    a = subject.get("a") if "a" in lab.shown else _change(subject, dt)
+    a = subject.get("a") if "a" in lab.shown else change(subject, dt)
     return Seen(rho, p, a)
 
 
@@ -170,19 +171,37 @@ def triangles(lab: Lab, q: Array, **settings: float) -> Pairs:
     return Pairs(q, rho, p, out, np.zeros(n), float(seen.rho[3 * n :].mean()))
 
 
-def closing(lab: Lab, q: Array, moments: tuple[int, ...], **settings: float) -> list[Pairs]:
+def closing(
+    lab: Lab, q: Array, moments: tuple[int, ...], speed: float = 0.1, **settings: float
+) -> list[Pairs]:
     """Return what a solver shows of pairs that approach each other, after so many steps.
 
-    In 25 steps they come nearer by 0.01 h: densities by continuity rise by some percent. It takes
-    a tenth of h / c0, before they rebound.
+    speed: in c0; with a tenth, 50 steps bring them nearer by 0.01 h, and densities by continuity
+    rise by some percent. That takes a tenth of h / c0: pairs rebound soon.
     """
-    start = pairs_case(q, speed=CLOSING, **settings)
+    start = pairs_case(q, speed=speed, **settings)
     subject, dt, seen = lab.make(start), MOMENT * start.h / start.c0, []
     for moment in moments:
         subject.step(dt, moment - subject.n_steps)
         x, v = subject.x, subject.v
         seen.append(_pairs(x, v, passing(subject, lab, dt), len(q), start.h))
     return seen
+
+
+def friction(lab: Lab, x: Array, v: Array, **settings: float) -> Array:
+    """Return the part of accelerations (n, 2) that goes with velocities."""
+    return fields(lab, case(x, v, **settings)).a - fields(lab, case(x, **settings)).a
+
+
+def gentle(lab: Lab, law: Callable[[float], Array]) -> float:
+    """Return the largest h / dx at which pairs are under some pressure, `squeezing` else.
+
+    law: returns densities of pairs [rho0] for h / dx. Under much pressure, they fly apart.
+    """
+    for ratio in (2.5, 2.0, 1.6, 1.3):
+        if float(np.min(law(ratio))) > 1.1:
+            return ratio
+    return squeezing(lab) or 1.0
 
 
 def squeezing(lab: Lab) -> float | None:
@@ -267,7 +286,15 @@ def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Seen]:
         return x, found
     v = -0.5 * c0 / h * (x - x.mean(axis=1, keepdims=True))
     dt = MOMENT * h / c0
-    subject = lab.make(case(x, v.reshape(-1, 2), **settings)).step(dt, 15)
+    subject = lab.make(case(x, v.reshape(-1, 2), **settings)).step(dt, 30)
     # the accelerations are those of the last evaluation, a step ago at most
     where = subject.x.reshape(n_groups, n, 2)
     return where, passing(subject, lab, dt)
+
+
+def not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Finding:
+    """Return that something is not finite: densities, pressures or accelerations."""
+    for name, link, values in (("rho", "density", found.rho), ("p", "pressure", found.p)):
+        if name in lab.shown and not np.isfinite(values).all():
+            return failed(f"{what}: {name} not finite", remedy, "not finite", "finite", link=link)
+    return failed(f"{what}: accelerations not finite", remedy, "not finite", "finite")

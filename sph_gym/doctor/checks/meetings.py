@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
+from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, case, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, listed
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.groups import at_rest, difference, felt, present, spread
@@ -24,6 +24,8 @@ LOOKS = (14, 17, 19, 22, 25, 27, 30, 33)
 # was together from the start; two that came from afar, for a pass; and for no fault, as lists with
 # a margin that are renewed at intervals get there in such long steps.
 KNOWN, NEWCOMERS, LATE = 0.02, 0.06, 0.2
+# The long way: speed [c0], and steps of `Case.dt`, which make 10 h.
+_FAST, _LONG_STEPS = 0.5, 200
 # Pairs nearer than this [h] must be listed, by such lists too.
 CLOSE = 0.75
 
@@ -39,6 +41,21 @@ class Look(NamedTuple):
     now: float
     felt: bool
     unlisted: int
+
+
+@check("neighbours", step=2, needs=("order", "flight"))
+def long_way(lab: Lab) -> Finding:
+    """Let lone particles fly far from where they began: the search must follow them."""
+    angle = 2 * np.pi * np.arange(8) / 8 + 0.2
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    start = case(3 * SUPPORT * DX * along, _FAST * C0 * along)
+    way = _FAST * C0 * start.dt * _LONG_STEPS
+    subject = lab.make(start).step(start.dt, _LONG_STEPS)
+    share = float(((subject.x - start.x) * along).sum(axis=1).mean() / way)
+    told = f"eight lone particles fly {way / start.h:.0f} h outwards"
+    if not np.isfinite(share) or abs(share - 1) > 0.02:
+        return inconclusive(f"{told}: not all arrive, which other checks judge", share, 1.0)
+    return passed(told, share, 1.0)
 
 
 @check("neighbours", step=2, needs=("order",))

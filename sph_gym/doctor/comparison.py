@@ -27,7 +27,8 @@ def compare(a: Factory | str, b: Factory | str, seed: int = 0) -> Diagnosis:
     """Return at which link two solvers part on the same cases, as a diagnosis of b against a.
 
     Grid against brute force, single against double precision, a new version against an old one:
-    `measured` is the largest difference relative to the largest value of a, `expected` the bound.
+    `measured` is the largest difference relative to the largest value of a, or to what is natural
+    for a fluid (c0, dx) where all values are near zero; `expected` is the bound.
     Only what both show is compared. Raises ValueError and ImportError as `check_solver` does.
     """
     (name_a, make_a), (name_b, make_b) = resolve(a), resolve(b)
@@ -95,10 +96,16 @@ def _difference(
     setting: _Setting, what: str, link: str, values: tuple[Array, Array], bound: float
 ) -> Result:
     a, b = values
-    scale = float(np.abs(a).max()) or 1.0
-    if what.startswith("x"):
-        # positions far from the origin are no measure of how far particles have moved
-        scale = setting.case.dx
+    start, name = setting.case, what.split(" ")[0]
+    # what a number is measured by where all are near zero; positions always by the spacing
+    natural = {
+        "rho": start.rho0,
+        "p": start.rho0 * start.c0**2,
+        "a": start.c0**2 / start.h,
+        "v": 0.01 * start.c0,
+        "x": start.dx,
+    }[name]
+    scale = natural if name == "x" else max(float(np.abs(a).max()), natural)
     apart = np.abs(a - b) / scale
     worst = float(apart.max()) if np.isfinite(apart).all() else float("inf")
     i = int(np.argmax(np.where(np.isfinite(apart), apart, np.inf).reshape(len(a), -1).max(axis=1)))
@@ -110,7 +117,7 @@ def _difference(
         f"<= {bound:g}",
         message=f"they differ most at particle {i}: {np.round(a[i], 9)} and {np.round(b[i], 9)}",
         remedy="Start at this link of b: everything before it agrees.",
-        tolerance="relative to the largest value",
+        tolerance="relative to the largest value, or to c0 and dx",
     )
 
 

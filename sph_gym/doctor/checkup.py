@@ -94,7 +94,7 @@ class Checkup:
             return skipped(f"the solver does not support this case: {error}")
         except Crash as error:
             remedy = "Read the exception above; run the same case under a debugger."
-            return Finding("error", message=f"{error}", remedy=remedy)
+            return Finding("error", message=f"{check.summary} {error}", remedy=remedy)
         except Hang as error:
             self._hung = check.name
             remedy = "Look for a loop without an end; cells of an infinite or NaN position are one."
@@ -103,7 +103,8 @@ class Checkup:
             return inconclusive(f"not done within {CHECK_LIMIT:.0f} s: the solver is too slow")
         except Exception as error:
             # an experiment that a solver's numbers lead astray must not end in a traceback
-            return inconclusive(f"the measured numbers could not be used: {error!r:.200}")
+            kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+            return inconclusive(f"the measured numbers could not be used: {kind}{error}"[:300])
 
 
 def _before(check: Check) -> list[str]:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict, dataclass, field
+from textwrap import shorten
 from typing import Any
 
 # The chain, in the order in which a fault travels through a solver.
@@ -18,6 +19,8 @@ LINKS = (
 )
 STATUSES = ("pass", "fail", "blocked", "skip", "inconclusive", "xfail", "error")
 BROKEN = ("fail", "error")
+# Of what a row of the table says beside its numbers.
+WIDTH = 110
 
 
 @dataclass(frozen=True)
@@ -122,13 +125,10 @@ def shown(value: float | str) -> str:
 def row(result: Result) -> str:
     """Return a result as one line of a table."""
     head = f"{result.status:<12} {result.link:<11} {result.check:<28}"
-    if result.status in ("blocked", "skip"):
-        return f"{head} {result.message}"
+    if result.status in ("pass", "blocked", "skip") and result.message:
+        return f"{head} {shorten(result.message, WIDTH)}"
     if result.measured == "" and result.expected == "":
-        numbers = result.message if result.status != "pass" else ""
-    else:
-        numbers = f"{shown(result.measured)} (expected {shown(result.expected)})"
-        numbers += f" {result.unit}" if result.unit else ""
-        if result.status != "pass":
-            numbers += f": {result.message}"
-    return f"{head} {numbers}".rstrip()
+        return f"{head} {result.message}".rstrip()
+    unit = f" {result.unit}" if result.unit else ""
+    numbers = f"{shown(result.measured)} (expected {shown(result.expected)}){unit}"
+    return f"{head} {numbers}: {shorten(result.message, WIDTH)}".rstrip()

@@ -44,6 +44,7 @@ _FINISH: dict[str, Callable[[list[Row], Path], None]] = {
     "throughput": throughput.finish,
     "headroom": headroom.finish,
     "exploits": headroom.explain,
+    "doctor": doctor.finish,
 }
 
 

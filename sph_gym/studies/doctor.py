@@ -115,11 +115,12 @@ def draw(rows: Sequence[Row], path: Path) -> Path:
     Raises ImportError that names the extra to install.
     """
     tiers = [tier for tier in (ALL, BARE) if _outcomes(rows, tier)]
-    most = max((len(_outcomes(rows, tier)) for tier in tiers), default=1)
-    figure = new_figure(2 + 3.5 * max(len(tiers), 1), 1.8 + 0.16 * most)
+    links = {name: link for tier in tiers for name, link, _ in _outcomes(rows, tier)}
+    names = sorted(links, key=lambda name: LINKS.index(links[name]))
+    figure = new_figure(2 + 3.5 * max(len(tiers), 1), 1.8 + 0.16 * max(len(names), 1))
     panels = figure.subplots(1, max(len(tiers), 1), sharey=True, squeeze=False)[0]
     for axes, tier in zip(panels, tiers, strict=False):
-        _panel(axes, _outcomes(rows, tier), tier)
+        _panel(axes, _outcomes(rows, tier), tier, names)
     figure.suptitle("The link that is found for each fault")
     return save(figure, path)
 
@@ -135,17 +136,18 @@ def _outcomes(rows: Sequence[Row], tier: str) -> list[tuple[str, str, str]]:
     return sorted(found, key=lambda one: LINKS.index(one[1]))
 
 
-def _panel(axes: Any, outcomes: list[tuple[str, str, str]], tier: str) -> None:
+def _panel(axes: Any, outcomes: list[tuple[str, str, str]], tier: str, names: list[str]) -> None:
     """Draw a row a fault: a frame at the broken link, a mark at the one that was found."""
     across = [*LINKS, NOTHING]
-    for row, (_, link, found) in enumerate(outcomes):
+    for name, link, found in outcomes:
+        row = names.index(name)
         axes.plot(LINKS.index(link), row, "s", ms=8, mfc="none", mec="0.5")
         kind = "right" if found == link else "wrong"
         marker = "o" if kind == "right" else "X"
         axes.plot(across.index(found), row, marker, ms=5, color=COLORS[kind])
     axes.set_xticks(range(len(across)), across, rotation=90)
-    axes.set_yticks(range(len(outcomes)), [name for name, _, _ in outcomes], fontsize=7)
-    axes.set(xlim=(-0.6, len(across) - 0.4), ylim=(len(outcomes) - 0.4, -0.6))
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set(xlim=(-0.6, len(across) - 0.4), ylim=(len(names) - 0.4, -0.6))
     axes.xaxis.tick_top()
     right = sum(link == found for _, link, found in outcomes)
     axes.set_title(f"shows {tier}: {right} of {len(outcomes)} right")

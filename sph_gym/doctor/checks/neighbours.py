@@ -17,7 +17,9 @@ CERTAIN = 0.99
 # Places far from the origin [h].
 FAR = 1000.0
 BRUTE_FORCE = (
-    "Replace the search by a loop over all pairs: if the fault is gone, it was the search. "
+    "Replace the search by a loop over all pairs: if the fault is gone, it was the search. If it "
+    "stays, it is the adding: in NumPy, a[i] += b keeps only one of equal indices (np.add.at or "
+    "np.bincount add all). "
 )
 
 

@@ -125,7 +125,7 @@ FAULTS = (
             exponent=gamma,
             stiffness=stiffness,
         )
-        for gamma in (1.4, 2.0, 3.0, 5.0, 6.0, 8.0)
+        for gamma in (1.4, 2.0, 3.0, 3.5, 5.0, 6.0, 8.0)
         for stiffness in (1.0, gamma / GAMMA)
     ),
     Fault(

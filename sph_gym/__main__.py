@@ -156,12 +156,12 @@ def _add_doctor(commands: Any) -> None:
     add = doctor.add_argument
     text = "compare A B: two solvers on the same cases; each is MODULE:FACTORY, FILE.py:FACTORY, "
     add("pair", nargs="*", metavar="compare A B", help=text + "grid, brute, float32 or plain")
-    add("--solver", default="", metavar="MODULE:FACTORY", help="your own; also FILE.py:FACTORY")
-    add("--scene", default="", help="this solver, with the settings of one of its scenes")
-    text = "frames of any solver: .npz, .h5, .pvd, .vtk, .vtu"
-    add("--recording", default="", metavar="PATH", help=text)
+    add("--solver", metavar="MODULE:FACTORY", help="your own; also FILE.py:FACTORY")
+    add("--scene", help="this solver, with the settings of one of its scenes")
+    text = "frames of any solver: .npz, .h5, .hdf5, .pvd, .vtk, .vtu, .csv, or their folder"
+    add("--recording", metavar="PATH", help=text)
     text = "a solver with this fault; all: every fault and the link that is found"
-    add("--fault", default="", metavar="NAME", help=text)
+    add("--fault", metavar="NAME", help=text)
     add("--skip", nargs="+", default=[], metavar="CHECK", help="checks to leave out")
     add("--seed", type=int, default=0, help="of the random arrangements")
     add("--json", default="", metavar="PATH", help="write the diagnosis there")
@@ -179,7 +179,7 @@ def _doctor(options: argparse.Namespace) -> int:
         raise ValueError(f"doctor: expected `compare A B`, got {' '.join(options.pair)}")
     names = ("solver", "scene", "recording", "fault", "skip", "seed", "json", "html")
     chosen = {name: getattr(options, name) for name in names}
-    return carry_out(Request(pair=options.pair[1:], **chosen))
+    return carry_out(Request(pair=options.pair[1:] or None, **chosen))
 
 
 def _add_study(commands: Any) -> None:

@@ -1,10 +1,10 @@
 """Run the checks on a solver, in an order in which each builds on what was found sound."""
 
-import importlib
 import importlib.util
 import sys
 import time
 from collections.abc import Callable, Collection, Mapping
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
@@ -20,6 +20,8 @@ from sph_gym.solver.checks import known
 CHECK_LIMIT = 40.0
 # Without it, changes of velocity tell nothing about accelerations.
 CLOCK = "flight"
+# Without it, nothing is known of what the solver shows.
+FIRST = "adapter"
 _UNFIT = "Mend the adapter between the doctor and the solver; docs/playbook.md has the protocol."
 
 
@@ -38,6 +40,10 @@ class Checkup:
     ) -> None:
         for name in (*skip, *expected_failed_checks):
             known("check", name, CHECKS)
+        if FIRST in skip:
+            raise ValueError(f"skip: expected checks other than {FIRST}, on which all others build")
+        if not isinstance(expected_failed_checks, Mapping):
+            raise ValueError("expected_failed_checks: expected reasons by check, a dict")
         self.name, factory = resolve(make)
         self._skip, self._expected = frozenset(skip), dict(expected_failed_checks)
         self._lab = Lab(factory, seed)
@@ -79,7 +85,7 @@ class Checkup:
         for name in _before(check) if check.last else check.needs:
             other = self.results[name]
             if other.broken or other.status == "xfail" or (name in check.needs and _stuck(other)):
-                return Finding("blocked", message=f"waits for {other.check}, which {_how(other)}")
+                return Finding("blocked", message=_root(other))
         missing = [name for name in check.shows if name not in self._lab.shown]
         if missing:
             return skipped(f"the solver does not show {', '.join(missing)}")
@@ -91,6 +97,8 @@ class Checkup:
         except Waits as error:
             return Finding("blocked", message=f"waits for {error}, which failed")
         except Unsupported as error:
+            if check.name == FIRST:
+                return Finding("error", message=f"not even nine particles: {error}", remedy=_UNFIT)
             return skipped(f"the solver does not support this case: {error}")
         except Crash as error:
             remedy = "Read the exception above; run the same case under a debugger."
@@ -103,6 +111,8 @@ class Checkup:
             return inconclusive(f"not done within {CHECK_LIMIT:.0f} s: the solver is too slow")
         except Exception as error:
             # an experiment that a solver's numbers lead astray must not end in a traceback
+            if check.name == FIRST:
+                return Finding("error", message=f"{error!r:.200}", remedy=_UNFIT)
             kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
             return inconclusive(f"the measured numbers could not be used: {kind}{error}"[:300])
 
@@ -116,8 +126,9 @@ def _stuck(result: Result) -> bool:
     return result.status == "blocked"
 
 
-def _how(result: Result) -> str:
-    return "was blocked" if result.status == "blocked" else "failed"
+def _root(result: Result) -> str:
+    """Return which check failed, that others wait for."""
+    return result.message if _stuck(result) else f"waits for {result.check}, which failed"
 
 
 def resolve(make: Factory | str) -> tuple[str, Factory]:
@@ -142,17 +153,33 @@ def resolve(make: Factory | str) -> tuple[str, Factory]:
 
 
 def _load(module: str) -> ModuleType:
-    if not module.endswith(".py"):
-        return importlib.import_module(module)
-    path = Path(module).resolve()
+    try:
+        return _load_file(Path(module)) if module.endswith(".py") else import_module(module)
+    except ImportError as error:
+        if error.name == module:
+            raise
+        raise ValueError(
+            f"make: importing {module} raised {type(error).__name__}: {error}"
+        ) from None
+    except (Exception, SystemExit) as error:
+        raise ValueError(
+            f"make: importing {module} raised {type(error).__name__}: {error}"
+        ) from None
+
+
+def _load_file(path: Path) -> ModuleType:
+    path = path.resolve()
     if not path.is_file():
-        raise ValueError(f"make: there is no file {module}")
+        raise FileNotFoundError(f"there is no file {path}")
     # a name of its own: two versions of a file must not share one entry of sys.modules
     spec = importlib.util.spec_from_file_location(f"doctor_{path.stem}_{abs(hash(path))}", path)
     assert spec is not None
     assert spec.loader is not None
     loaded = importlib.util.module_from_spec(spec)
     sys.modules[loaded.__name__] = loaded
+    if str(path.parent) not in sys.path:
+        # for what stands beside it
+        sys.path.append(str(path.parent))
     spec.loader.exec_module(loaded)
     return loaded
 
@@ -170,8 +197,9 @@ def check_solver(
     to leave out; expected_failed_checks: reasons by check: where such a check fails, its status is
     "xfail"; seed: of the random arrangements; callback: is given each result as it comes.
 
-    Whatever the solver does ends in a result, not in an exception. Raises ValueError for unknown
-    names of checks and for a factory that is none, ImportError if its module can't be imported.
+    Whatever the solver does ends in a result, not in an exception. A hang does not, outside of the
+    main thread and in compiled code that never returns. Raises ValueError for unknown names of
+    checks and for a factory that is none, ImportError if its module can't be imported.
     """
     checkup = Checkup(make, skip, expected_failed_checks, seed)
     for name in CHECKS:

@@ -1,5 +1,6 @@
 """What `python -m sph_gym doctor` does: examine, print as it goes, write pages."""
 
+import faulthandler
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
@@ -15,6 +16,8 @@ from sph_gym.files import atomic_write
 from sph_gym.solver.checks import known
 
 WIDTH = 100
+# An examination may take so long [s] at most.
+LONGEST = 1800
 
 
 class Request(NamedTuple):
@@ -22,14 +25,14 @@ class Request(NamedTuple):
 
     solver: "module:factory"; scene: a name; recording: a path; fault: a name of `faults.FAULTS`,
     or "all"; pair: two solvers to compare; skip: checks to leave out; json, html: where to write
-    the diagnosis, "" for nowhere.
+    the diagnosis, "" for nowhere; None: not asked for.
     """
 
-    solver: str = ""
-    scene: str = ""
-    recording: str = ""
-    fault: str = ""
-    pair: Sequence[str] = ()
+    solver: str | None = None
+    scene: str | None = None
+    recording: str | None = None
+    fault: str | None = None
+    pair: Sequence[str] | None = None
     skip: Sequence[str] = ()
     seed: int = 0
     json: str = ""
@@ -54,10 +57,17 @@ def carry_out(request: Request) -> int:
 
     Raises ValueError for unknown names, and if more than one thing is to be examined.
     """
+    if "" not in sys.path:
+        # modules of the user's folder, as `python -m` finds them
+        sys.path.insert(0, "")
     asked = [name for name in ("solver", "scene", "recording", "fault", "pair") if
-             getattr(request, name)]  # fmt: skip
+             getattr(request, name) is not None]  # fmt: skip
     if len(asked) > 1:
         raise ValueError(f"doctor: expected one of {', '.join(asked)}, got {len(asked)}")
+    if request.skip and {"recording", "pair"} & set(asked):
+        raise ValueError(f"--skip: expected no --{asked[0]} beside it")
+    if request.fault == "all" and (request.json or request.html or request.skip):
+        raise ValueError("--fault all: expected no --json, --html or --skip beside it")
     if request.fault == "all":
         from sph_gym.doctor.matrix import measure, show
 
@@ -72,7 +82,6 @@ def carry_out(request: Request) -> int:
 
 
 def _examine(make: object, request: Request) -> Diagnosis:
-    sys.path.insert(0, "")  # modules of the user's folder, as `python -m` finds them
     return check_solver(
         make,  # type: ignore[arg-type]
         request.skip,
@@ -82,25 +91,30 @@ def _examine(make: object, request: Request) -> Diagnosis:
 
 
 def _solver(request: Request) -> Diagnosis:
-    return _examine(request.solver, request)
+    # the last resort for compiled code that never returns: where it hangs, and an end
+    faulthandler.dump_traceback_later(LONGEST, exit=True, file=sys.__stderr__ or sys.stderr)
+    try:
+        return _examine(request.solver, request)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def _scene(request: Request) -> Diagnosis:
     from sph_gym.doctor.here import here, of_scene
 
-    return _examine(of_scene(request.scene) if request.scene else here(), request)
+    return _examine(here() if request.scene is None else of_scene(request.scene), request)
 
 
 def _fault(request: Request) -> Diagnosis:
     from sph_gym.doctor.faults import FAULTS
 
-    return _examine(FAULTS[known("fault", request.fault, FAULTS)].make, request)
+    return _examine(FAULTS[known("fault", str(request.fault), FAULTS)].make, request)
 
 
 def _recording(request: Request) -> Diagnosis:
     from sph_gym.doctor.recordings import check_recording
 
-    diagnosis = check_recording(request.recording)
+    diagnosis = check_recording(str(request.recording))
     print(*map(row, diagnosis.results), sep="\n")
     return diagnosis
 
@@ -108,7 +122,7 @@ def _recording(request: Request) -> Diagnosis:
 def _pair(request: Request) -> Diagnosis:
     from sph_gym.doctor.here import short_name
 
-    a, b = (short_name(each) for each in request.pair)
+    a, b = (short_name(each) for each in request.pair or ())
     diagnosis = compare(a, b, request.seed)
     print(*map(row, diagnosis.results), sep="\n")
     return diagnosis

@@ -1,6 +1,7 @@
 """What the doctor finds: the result of each check, and the first broken link."""
 
 import json
+import math
 from dataclasses import asdict, dataclass, field
 from textwrap import shorten
 from typing import Any
@@ -87,7 +88,8 @@ class Diagnosis:
         if self.first is None:
             done = sum(each.status == "pass" for each in self.results)
             return f"healthy: {done} checks passed"
-        return f"broken: {self.link} ({self.first.check}). {self.first.remedy}"
+        what = f" {self.first.message}." if self.first.status == "error" else ""
+        return f"broken: {self.link} ({self.first.check}).{what} {self.first.remedy}"
 
     @property
     def counts(self) -> str:
@@ -97,7 +99,10 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data, for JSON."""
-        results = [asdict(each) for each in self.results]
+        results = [
+            asdict(each) | {"measured": _plain(each.measured), "expected": _plain(each.expected)}
+            for each in self.results
+        ]
         return {
             "name": self.name,
             "ok": self.ok,
@@ -109,7 +114,7 @@ class Diagnosis:
 
     def to_json(self) -> str:
         """Return the diagnosis as JSON text."""
-        return json.dumps(self.to_dict(), indent=1)
+        return json.dumps(self.to_dict(), indent=1, allow_nan=False)
 
     def __str__(self) -> str:
         lines = [row(each) for each in self.results]
@@ -120,6 +125,13 @@ class Diagnosis:
 def shown(value: float | str) -> str:
     """Return a number or text in few characters."""
     return value if isinstance(value, str) else f"{value:.4g}"
+
+
+def _plain(value: float | str) -> float | str:
+    """Return a value that JSON has: infinity and NaN are text."""
+    if isinstance(value, str):
+        return value
+    return float(value) if math.isfinite(value) else str(float(value))
 
 
 def row(result: Result) -> str:

@@ -1,12 +1,14 @@
 """The solver on the table: every call into it is guarded, everything it shows is checked."""
 
+import inspect
+import io
 import signal
 import threading
 import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from sph_gym.doctor.case import Array, Case
 Factory = Callable[[Case], Any]
 # One call into a solver may take so long [s], and its making, which may have to compile it.
 CALL_LIMIT, MAKE_LIMIT = 60.0, 300.0
+_NOTHING = object()
 _OPTIONAL = {"rho": 1, "p": 1, "a": 2}
 
 
@@ -67,7 +70,7 @@ class Subject:
         self._solver = self._call("make(case)", lambda: factory(case.copy()), MAKE_LIMIT)
         if self._solver is None:
             raise Misfit("make(case) returned None; it has to return the solver")
-        if not callable(getattr(self._solver, "step", None)):
+        if not callable(self._fetch("step")):
             raise Misfit("the solver has no method step(dt)")
 
     @property
@@ -98,7 +101,7 @@ class Subject:
 
     def shows(self, name: str) -> bool:
         """Return whether the solver has this optional attribute or method, and it is not None."""
-        return self._call(name, lambda: getattr(self._solver, name, None)) is not None
+        return self._fetch(name) is not None
 
     def get(self, name: str) -> Array:
         """Return "rho" (n,), "p" (n,) or "a" (n, 2) of the last evaluation."""
@@ -106,7 +109,7 @@ class Subject:
 
     def number(self, name: str) -> float | None:
         """Return "c0" or "stiffness", None if it is not shown."""
-        value = self._call(name, lambda: getattr(self._solver, name, None))
+        value = self._fetch(name)
         try:
             return None if value is None else float(value)
         except (TypeError, ValueError):
@@ -121,17 +124,24 @@ class Subject:
         """Return the indices of the neighbours of particle i, as the solver lists them."""
         found = self._call(f"neighbors({i})", lambda: list(self._solver.neighbors(i)))
         try:
-            return np.array(found, dtype=int).reshape(-1)
+            indices = np.array(found if len(found) else np.empty(0, int))
+            if indices.dtype.kind not in "iu":
+                raise TypeError
+            return indices.astype(int).reshape(-1)
         except (TypeError, ValueError):
             raise Misfit(f"neighbors({i}): expected indices, got {found!r:.60}") from None
 
     def _array(self, name: str, dimensions: int) -> Array:
         n = self.case.n
         wanted = (n, 2) if dimensions == 2 else (n,)
-        if not hasattr(self._solver, name):
+        value = self._fetch(name)
+        if value is None:
             raise Misfit(f"the solver has no attribute {name}")
-        value = self._call(name, lambda: getattr(self._solver, name))
+        if callable(value):
+            raise Misfit(f"{name} is a method: make it a property (@property) or an attribute")
         try:
+            if np.iscomplexobj(value):
+                raise TypeError
             array = np.array(value, dtype=np.float64)
         except (TypeError, ValueError):
             raise Misfit(f"{name}: expected numbers {wanted}, got {value!r:.60}") from None
@@ -144,10 +154,22 @@ class Subject:
             )
         return array
 
+    def _fetch(self, name: str) -> Any:
+        """Return an attribute, None if there is none; an error inside of it is the solver's."""
+        there = inspect.getattr_static(self._solver, name, _NOTHING) is not _NOTHING
+        if there:
+            return self._call(name, lambda: getattr(self._solver, name))
+        return self._call(name, lambda: getattr(self._solver, name, None))
+
     def _call(self, name: str, call: Callable[[], Any], limit: float | None = None) -> Any:
         limit = limit or CALL_LIMIT
         try:
-            with _time_limit(limit), warnings.catch_warnings(), np.errstate(all="ignore"):
+            with (
+                _time_limit(limit),
+                warnings.catch_warnings(),
+                np.errstate(all="ignore"),
+                redirect_stdout(io.StringIO()),
+            ):
                 warnings.simplefilter("ignore")
                 return call()
         except _Alarm:
@@ -187,7 +209,8 @@ def _time_limit(seconds: float) -> Iterator[None]:
         raise _Alarm
 
     before = signal.signal(signal.SIGALRM, ring)
-    outer, _ = signal.setitimer(signal.ITIMER_REAL, seconds)
+    # again and again, for loops that catch everything
+    outer, _ = signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
     started = time.monotonic()
     try:
         yield

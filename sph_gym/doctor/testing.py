@@ -7,12 +7,13 @@ def test_solver(make, check):
     check(make)
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
 from sph_gym.doctor import checks as _checks  # noqa: F401  (fills CHECKS)
 from sph_gym.doctor.checkup import Checkup
+from sph_gym.doctor.diagnosis import Result
 from sph_gym.doctor.registry import CHECKS
 from sph_gym.doctor.subject import Factory
 
@@ -24,8 +25,10 @@ class SolverTest:
     on a broken link is skipped as blocked instead of failing again.
     """
 
-    def __init__(self, name: str, checkup: Checkup) -> None:
-        self.name, self._checkup = name, checkup
+    def __init__(
+        self, name: str, checkup: Checkup, callback: Callable[[Result], None] | None = None
+    ) -> None:
+        self.name, self._checkup, self._callback = name, checkup, callback
 
     def __call__(self, make: Factory | str) -> None:
         """Do the check; raise AssertionError with all that was found if it fails.
@@ -35,6 +38,8 @@ class SolverTest:
         import pytest
 
         result = self._checkup.result(self.name)
+        if self._callback:
+            self._callback(result)
         if result.broken:
             raise AssertionError(
                 f"{result.link}: {result.message}\nmeasured {result.measured}, expected "
@@ -51,21 +56,24 @@ def parametrize_with_checks(
     skip: Collection[str] = (),
     expected_failed_checks: Mapping[str, str] = MappingProxyType({}),
     seed: int = 0,
+    callback: Callable[[Result], None] | None = None,
 ) -> Any:
     """Return a decorator that runs a test with each solver and each check.
 
     makes: factories as for `check_solver`, as are the other arguments. The decorated test takes
-    the arguments `make` and `check` and calls `check(make)`. Its ids read `factory-check`.
+    the arguments `make` and `check` and calls `check(make)`. Its ids read `factory-check`, or
+    `module:factory-check` where two factories have the same name. callback: is given each result.
 
     Raises ValueError as `check_solver` does, and ImportError if pytest is missing.
     """
     import pytest
 
+    checkups = [Checkup(make, skip, expected_failed_checks, seed) for make in makes]
+    short = [each.name.rpartition(":")[2] for each in checkups]
     parameters = []
-    for make in makes:
-        checkup = Checkup(make, skip, expected_failed_checks, seed)
-        title = checkup.name.rpartition(":")[2] or checkup.name
+    for make, checkup, title in zip(makes, checkups, short, strict=True):
+        title = title if short.count(title) == 1 else checkup.name
         for name in CHECKS:
-            test = SolverTest(name, checkup)
+            test = SolverTest(name, checkup, callback)
             parameters.append(pytest.param(make, test, id=f"{title}-{name}"))
     return pytest.mark.parametrize(("make", "check"), parameters)

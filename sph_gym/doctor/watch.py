@@ -7,6 +7,7 @@ value that can't be, while the trace is still warm.
 import json
 import math
 import os
+import warnings
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -99,10 +100,15 @@ def watch(
     zero and less, and values that are not finite, never are.
     callback: is given the `Tripped`, once, and the run goes on; by default, it is raised.
 
-    Raises ValueError for a path that doesn't end with .npz, and for what has no step, x or v.
+    Raises ValueError for a path that doesn't end with .npz, for limits that are none, and for what
+    has no step, x or v; FileNotFoundError if the folder of the path is missing.
     """
     if path is not None and Path(path).suffix != ".npz":
         raise ValueError(f"path: expected one that ends with .npz, got {str(path)!r}")
+    if path is not None and not Path(path).resolve().parent.is_dir():
+        raise FileNotFoundError(f"path: there is no folder for {str(path)!r}")
+    if limits is not None and not isinstance(limits, Limits):
+        raise ValueError(f"limits: expected Limits, got {limits!r}")
     if not any(callable(getattr(solver, name, None)) for name in ("step", "advance")):
         raise ValueError(f"solver: expected one with step(dt), got {type(solver).__name__}")
     return _Watched(solver, _Guard(solver, path, limits, callback))
@@ -115,9 +121,10 @@ class _Watched:
         object.__setattr__(self, "_solver", solver)
         object.__setattr__(self, "_guard", guard)
 
-    def step(self, dt: float, *rest: Any, **named: Any) -> Any:
-        result = self._solver.step(dt, *rest, **named)
-        self._guard.look(dt)
+    def step(self, *arguments: Any, **named: Any) -> Any:
+        result = self._solver.step(*arguments, **named)
+        given = arguments[0] if arguments else named.get("dt")
+        self._guard.look(math.nan if given is None else given)
         return result
 
     def advance(self, seconds: float, *rest: Any, **named: Any) -> Any:
@@ -205,7 +212,11 @@ class _Guard:
         tripped = Tripped(offender, list(self._moments), self._step, self._time)
         tripped.parameters = _parameters(self._solver)
         if self._path is not None:
-            tripped.save(self._path)
+            try:
+                tripped.save(self._path)
+            except OSError as error:
+                # what was found must not be lost with it
+                warnings.warn(f"the last states were not written: {error}", stacklevel=3)
         if self._callback is None:
             raise tripped
         self._callback(tripped)

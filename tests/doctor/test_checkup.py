@@ -142,11 +142,54 @@ def test_positions_sorted_without_velocities_are_the_neighbour_searchs_fault():
 
 def test_what_a_solver_does_not_support_is_skipped():
     def make(case):
-        raise NotImplementedError("no open space")
+        if case.n != 9:
+            raise NotImplementedError("nine particles only")
+        return Drifting(case)
 
     result, diagnosis = first(make)
     assert result is None
-    assert "does not support this case: make(case): no open space" in diagnosis.results[0].message
+    message = next(r.message for r in diagnosis.results if r.check == "order")
+    assert "does not support this case: make(case): nine particles only" in message
+
+
+def as_method(self, name):
+    value = object.__getattribute__(self, name)
+    return (lambda: value) if name == "x" else value
+
+
+def as_complex(self, name):
+    value = object.__getattribute__(self, name)
+    return value + 1j if name == "x" else value
+
+
+def unsupported(self, dt):
+    raise NotImplementedError
+
+
+@pytest.mark.parametrize(
+    "methods",
+    [
+        {"x": property(crash)},
+        {"x": property(leave)},
+        {"step": property(crash)},
+        {"step": unsupported},
+        {"__getattribute__": as_method},
+        {"__getattribute__": as_complex},
+        {"neighbors": lambda self, i: [True, False]},
+        {"neighbors": lambda self, i: [1.5]},
+    ],
+)
+def test_a_solver_that_shows_nothing_is_not_healthy(methods):
+    diagnosis = check_solver(broken(**methods))
+    assert (diagnosis.ok, diagnosis.link) == (False, "setup")
+    assert diagnosis.first.check == "adapter"
+    json.loads(diagnosis.to_json())
+
+
+def test_the_root_of_what_is_blocked_is_named():
+    results = check_solver(broken(step=crash)).results
+    waiting = [each.message for each in results if each.status == "blocked"]
+    assert set(waiting) == {"waits for adapter, which failed"}
 
 
 def test_expected_failures_and_skipped_checks():
@@ -241,6 +284,22 @@ def test_single_checks_bring_what_they_need():
     assert set(checkup.results) == {"adapter", "order"}
 
 
+class Leaky(plain.Plain):
+    def bounce(self):
+        """Return without a look at the box."""
+
+
+class Thick(plain.Plain):
+    def viscosity(self):
+        return 2 * super().viscosity()
+
+
+class Late(plain.Plain):
+    def advance(self, dt):
+        self.x = self.x + dt * self.v
+        self.v = self.v + dt * self.a
+
+
 class Heavier(plain.Plain):
     def calibrated_mass(self):
         return 1.1 * super().calibrated_mass()
@@ -252,7 +311,15 @@ class Sinking(plain.Plain):
 
 
 @pytest.mark.parametrize(
-    ("other", "link"), [(plain.Plain, ""), (Heavier, "density"), (Sinking, "force")]
+    ("other", "link"),
+    [
+        (plain.Plain, ""),
+        (Heavier, "density"),
+        (Sinking, "force"),
+        (Thick, "viscosity"),
+        (Late, "integration"),
+        (Leaky, "walls"),
+    ],
 )
 def test_two_solvers_part_at_a_link(other, link):
     assert compare(plain.make, other).link == link

@@ -19,8 +19,6 @@ from sph_gym.doctor.registry import check
 
 H = SUPPORT * DX
 TAIT = RHO0 * C0**2 / GAMMA
-# How far a pressure may be from a law's, as a share of the largest one.
-_ALIKE = 0.01
 _TAIT = (
     "Tait's equation: p = B ((rho / rho0)^gamma - 1) with B = rho0 c0^2 / gamma, gamma = 7, then "
     "max(p, 0). "

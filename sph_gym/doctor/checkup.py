@@ -101,7 +101,7 @@ class Checkup:
                 return Finding("error", message=f"not even nine particles: {error}", remedy=_UNFIT)
             return skipped(f"the solver does not support this case: {error}")
         except Crash as error:
-            remedy = "Read the exception above; run the same case under a debugger."
+            remedy = "Read the exception; run the same case under a debugger."
             return Finding("error", message=f"{check.summary} {error}", remedy=remedy)
         except Hang as error:
             self._hung = check.name

@@ -89,7 +89,8 @@ class Diagnosis:
             done = sum(each.status == "pass" for each in self.results)
             return f"healthy: {done} checks passed"
         what = f" {self.first.message}." if self.first.status == "error" else ""
-        return f"broken: {self.link} ({self.first.check}).{what} {self.first.remedy}"
+        text = f"broken: {self.link} ({self.first.check}).{what} {self.first.remedy}"
+        return " ".join(text.split())
 
     @property
     def counts(self) -> str:

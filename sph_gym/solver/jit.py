@@ -3,10 +3,11 @@
 import gc
 import hashlib
 import sys
+import uuid
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Protocol, TypeVar, cast
 
@@ -146,6 +147,7 @@ def announce_compilation() -> None:
 def _forgiving(dispatcher: Any) -> Any:
     """Let a compiled function do without its cache where that fails: it only saves time."""
     stored = dispatcher._cache
+    stored._cache_file.save = partial(_save, stored._cache_file)
     load, save = stored.load_overload, stored.save_overload
 
     def careful_load(*arguments: Any) -> Any:
@@ -169,6 +171,18 @@ def _forgiving(dispatcher: Any) -> Any:
 
     stored.load_overload, stored.save_overload = careful_load, careful_save
     return dispatcher
+
+
+def _save(file: Any, key: Any, data: Any) -> None:
+    """Keep machine code under a name that no other process can choose.
+
+    Numba numbers the files by what its index holds. Two processes that compile two versions at
+    once take the same number, and one then runs the code of the other: a crash, or wrong numbers.
+    """
+    name = file._data_name(uuid.uuid4().int)
+    file._save_data(name, data)
+    # only now: the index must not name a file that isn't there
+    file._save_index(file._load_index() | {key: name})
 
 
 def _say(text: str) -> None:

@@ -152,7 +152,7 @@ def test_on_a_full_disk_it_runs_with_a_warning(tmp_path, monkeypatch):
         Path("/dev/full").write_text("no room for this")
 
     monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
-    monkeypatch.setattr(IndexDataCacheFile, "save", full)
+    monkeypatch.setattr(IndexDataCacheFile, "_save_data", full)
 
     @jit.jit
     def twice(x):
@@ -160,6 +160,27 @@ def test_on_a_full_disk_it_runs_with_a_warning(tmp_path, monkeypatch):
 
     with pytest.warns(UserWarning, match=r"can't be kept in .*No space left"):
         assert twice(21) == 42
+
+
+def test_two_processes_never_run_the_code_of_each_other(tmp_path, monkeypatch):
+    """Both look into the index before either has written to it, which numba alone can't stand."""
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
+
+    @jit.jit
+    def twice(x):
+        return 2 * x
+
+    file = twice._cache._cache_file
+    file.save("of one", "code of one")
+    before = file._load_index()
+    file.save("of another", "code of another")
+    with monkeypatch.context() as race:
+        race.setattr(file, "_load_index", lambda: before)
+        file.save("of a third", "code of a third")
+    assert file.load("of a third") == "code of a third"
+    # lost, and so compiled once more; never that of the third
+    assert file.load("of another") is None
+    assert file.load("of one") == "code of one"
 
 
 def test_two_processes_may_fill_one_cache_at_once(tmp_path):

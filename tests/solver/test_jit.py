@@ -32,6 +32,8 @@ def copied(tmp_path, monkeypatch):
     """A copy of the solver's sources that `source_hash` takes for the real ones."""
     copy = tmp_path / "solver"
     shutil.copytree(SOLVER, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    # remembered from now on: it must not be that of the copy
+    source_hash()
     monkeypatch.setattr(jit, "__file__", str(copy / "jit.py"))
     return copy
 

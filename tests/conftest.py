@@ -37,7 +37,7 @@ _workers: list[dict] = []
 
 def pytest_xdist_auto_num_workers(config):
     """Return more workers than processors: fewer versions, and so less memory, for each."""
-    return 2 * most_threads() + 2
+    return 3 * most_threads() + 1
 
 
 def pytest_collection_modifyitems(items):

@@ -16,11 +16,14 @@ C0 = 20.0
 GAMMA = 7.0
 # Neighbours at rest: about 28. Where a check needs others, it says so.
 SUPPORT = 3.0
+H = SUPPORT * DX
+# Tait's B [Pa] of this fluid.
+TAIT = RHO0 * C0**2 / GAMMA
 
 
 @dataclass
 class Case:
-    """What a solver is to simulate.
+    """A setting that a solver is to simulate.
 
     x, v: (n, 2) positions [m] and velocities [m/s], in the order that the solver has to keep;
     dx: spacing of particles at rest [m]; h: SUPPORT radius of the kernel [m], W = 0 beyond it;

@@ -1,4 +1,4 @@
-"""What `python -m sph_gym doctor` does: examine, print as it goes, write pages."""
+"""Carry out `python -m sph_gym doctor`: examine, print as it goes, write pages."""
 
 import faulthandler
 import sys
@@ -21,7 +21,7 @@ LONGEST = 1800
 
 
 class Request(NamedTuple):
-    """What is to be examined: exactly one of the first five, or nothing for this solver.
+    """A request to examine exactly one of the first five, or, without any, this solver.
 
     solver: "module:factory"; scene: a name; recording: a path; fault: a name of `faults.FAULTS`,
     or "all"; pair: two solvers to compare; skip: checks to leave out; json, html: where to write

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, case
+from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, case
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import Match, integral, match
 from sph_gym.doctor.probes import DISTANCES, STILL, closing, fluid
 
-H = SUPPORT * DX
 SUPPORT_RADIUS = (
     "case.h is the SUPPORT radius, where W ends. Splines are often written with a smoothing "
     "length of a half (cubic, Wendland) or a third (quintic, Gaussian) of it: convert once, in "

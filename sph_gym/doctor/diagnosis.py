@@ -1,4 +1,4 @@
-"""What the doctor finds: the result of each check, and the first broken link."""
+"""The diagnosis of a solver: the result of each check, and the first broken link."""
 
 import json
 import math
@@ -20,7 +20,7 @@ LINKS = (
 )
 STATUSES = ("pass", "fail", "blocked", "skip", "inconclusive", "xfail", "error")
 BROKEN = ("fail", "error")
-# Of what a row of the table says beside its numbers.
+# Longest message in a row of the table [characters].
 WIDTH = 110
 
 

@@ -1,4 +1,4 @@
-"""What viscosity does: the accelerations that case.viscosity makes, and the nu that they mean."""
+"""Measure viscosity: the accelerations that case.viscosity makes, and the nu that they mean."""
 
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,8 +1,8 @@
-"""What can be said of density, pressure and force if only positions and velocities are shown."""
+"""Judge density, pressure and force of solvers that show only positions and velocities."""
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, case, lattice
+from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, case, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.pair_law import (
@@ -35,7 +35,6 @@ from sph_gym.doctor.probes import (
 )
 from sph_gym.doctor.registry import check
 
-H = SUPPORT * DX
 _RENEW = "Renew densities in every step, before pressures and forces."
 _IN_ORDER = "In every step: densities of all particles first, then pressures, then forces."
 # In c0^2 / h, a force that counts as none, and one that counts as a push.

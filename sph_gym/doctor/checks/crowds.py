@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, case, lattice
+from sph_gym.doctor.case import C0, DX, Array, Case, H, case, lattice
 from sph_gym.doctor.checks.force import LISTS
 from sph_gym.doctor.findings import Finding, failed, passed
 from sph_gym.doctor.lab import Lab
@@ -10,7 +10,6 @@ from sph_gym.doctor.laws import Weights
 from sph_gym.doctor.probes import STILL, cluster, fields, not_finite, tolerant
 from sph_gym.doctor.registry import check
 
-H = SUPPORT * DX
 _TOUCH = (
     "Skip pairs nearer than some 1e-6 h when the direction (x_i - x_j) / r is formed; their "
     "share of the density stays."

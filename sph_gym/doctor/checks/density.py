@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, case, interior, lattice
+from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, H, case, interior, lattice
 from sph_gym.doctor.continuity import (
     EVERY_PAIR,
     SUPPORT_RADIUS,
@@ -25,7 +25,6 @@ from sph_gym.doctor.probes import (
 )
 from sph_gym.doctor.registry import check
 
-H = SUPPORT * DX
 _LINKS = {"rho": "density", "p": "pressure", "a": "force"}
 _SELF = (
     "Begin each sum with the particle's own share, rho[i] = m W(0, h), before the neighbours are "

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, case, lattice
+from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.probes import (
@@ -21,7 +21,6 @@ from sph_gym.doctor.probes import (
 )
 from sph_gym.doctor.registry import check
 
-H = SUPPORT * DX
 # An acceleration that counts as none [m/s^2], and one in motion [c0^2/h].
 _NONE, _FAINT = 1e-4 * C0**2 / H, 1e-4
 _SYMMETRIC = (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, case, lattice
+from sph_gym.doctor.case import C0, DX, RHO0, TAIT, Array, H, case, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.probes import (
@@ -20,8 +20,6 @@ from sph_gym.doctor.probes import (
 )
 from sph_gym.doctor.registry import check
 
-H = SUPPORT * DX
-TAIT = RHO0 * C0**2 / GAMMA
 _IN_TIME = (
     "Compute in this order, in every step: densities of all particles, then pressures of all, then "
     "forces. Here pressures are computed before the densities that they belong to."

@@ -4,15 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array
+from sph_gym.doctor.case import RHO0, TAIT, Array, H
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import KERNELS, Kernel, Match, integral, match
 from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing, tolerant
 from sph_gym.doctor.registry import check
 
-H = SUPPORT * DX
-TAIT = RHO0 * C0**2 / GAMMA
 _PAIRING = (
     "Use a kernel whose slope stays strong at short distance, such as the spiky one, -30/(pi h^5) "
     "(h - r)^2, for the pressure force; poly6 is for densities only."

@@ -12,7 +12,7 @@ from sph_gym.doctor.registry import check
 
 # Responses of equal groups may differ by so much, as a share of the largest.
 EQUAL = 5e-3
-# The same far from the origin with 32 bits: positions are rounded to 1e-4 h there.
+# With 32 bits, far from the origin, where positions are rounded to 1e-4 h.
 ROUNDED = 0.1
 # Differences above this are none of 64 bits, and may come from 32.
 DOUBLE = 1e-9

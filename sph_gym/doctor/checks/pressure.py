@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case, lattice
+from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, TAIT, Array, Case, H, case, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.probes import (
@@ -17,8 +17,6 @@ from sph_gym.doctor.probes import (
 )
 from sph_gym.doctor.registry import check
 
-H = SUPPORT * DX
-TAIT = RHO0 * C0**2 / GAMMA
 _TAIT = (
     "Tait's equation: p = B ((rho / rho0)^gamma - 1) with B = rho0 c0^2 / gamma, gamma = 7, then "
     "max(p, 0). "

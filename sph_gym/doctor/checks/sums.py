@@ -15,7 +15,7 @@ from sph_gym.doctor.weights import DISTANCES, STEP, Weights, pair_weights
 AGREE, DISAGREE = 0.01, 0.03
 # So many particles must have their full sums before others are said to have too few.
 MANY = 8
-# What a pair feels, at distances 0.0125 h apart, dies away by a larger step than this.
+# The force of a sound pair, near its end, falls below this share within 0.0125 h.
 BREAK = 0.65
 LOOKS_TOO_NEAR = (
     "The search looks less far than the kernel: give it the support radius case.h, not the "

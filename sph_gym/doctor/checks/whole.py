@@ -21,7 +21,7 @@ QUARTER = (
 
 
 class Course(NamedTuple):
-    """What a run came to: the last x, v (n, 2), and the highest speed on the way [m/s]."""
+    """The end of a run: the last x, v (n, 2), and the highest speed on the way [m/s]."""
 
     x: Array
     v: Array

@@ -77,7 +77,7 @@ class MissingColumn(Plain):
 
 @fault("no_corner_cells", "neighbours", 2)
 class NoCornerCells(Plain):
-    """Of the eight cells around, the four that touch only at a corner are left out."""
+    """The four cells that touch only at a corner are left out of the eight around."""
 
     def candidates(self, cells: Indices) -> Pairs:
         i, j = super().candidates(cells)

@@ -167,7 +167,7 @@ class NoRightWall(Plain):
 
 @fault("floor_only", "walls")
 class FloorOnly(Plain):
-    """Of the box, only the floor is there."""
+    """Only the floor of the box is there."""
 
     def sides(self) -> list[tuple[int, float, int]]:
         return [side for side in super().sides() if side[::2] == (1, -1)]

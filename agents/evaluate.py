@@ -28,10 +28,11 @@ MEASURES = {
     "work": "work",
     "density_error": "density [%]",
     "clumping": "clumping [%]",
+    "noise": "noise [%]",
     "fidelity_error": "fidelity",
     "blowup": "blow-up [%]",
 }
-PERCENT = ("density_error", "clumping", "blowup")
+PERCENT = ("density_error", "clumping", "noise", "blowup")
 
 
 # Sources of the agents, besides those of the package, that decide how an episode goes.
@@ -87,6 +88,7 @@ def summarise(infos: list[dict[str, Any]], n_steps: int) -> dict[str, Any]:
         "n_substeps": float(table["n_substeps"].sum()),
         "density_error": float(table["density_error"].mean()),
         "clumping": float(table["clumping"].mean()),
+        "noise": float(table["noise"].mean()),
         "fidelity_error": float(table["fidelity_error"].mean()),
         "blowup": float(table["blowup"].max()),
         "blowup_cause": str(table["blowup_cause"].iloc[-1]) or "-",

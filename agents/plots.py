@@ -41,6 +41,7 @@ TERM_STYLES = {
     "work": ("#8fa3ad", ""),
     "density": ("#332288", ""),
     "clumping": ("#ddcc77", "...."),
+    "noise": ("#44aa99", "\\\\\\\\"),
     "fidelity": ("#aa4455", "////"),
     "blowup": ("#222222", "xxxx"),
 }
@@ -194,7 +195,7 @@ def plot_reward_terms(runs: pd.DataFrame, path: Path) -> None:
             Patch(fc=colour, hatch=hatch, ec="white", label=term.replace("blowup", "blow-up"))
             for term, (colour, hatch) in TERM_STYLES.items()
         ]
-        _legend(figure, [*patches, _handle("sum = return", "D", INK, mfc="white")], 6)
+        _legend(figure, [*patches, _handle("sum = return", "D", INK, mfc="white")], 7)
 
 
 def plot_controls(

@@ -7,8 +7,17 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.controllers import ArticleCfl, Controller, Network, Static, TunedCfl, nominal
+from sph_gym.controllers import (
+    AdaptiveRule,
+    ArticleCfl,
+    Controller,
+    Network,
+    Static,
+    TunedCfl,
+    nominal,
+)
 from sph_gym.env.actions import Discrete
+from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.oracle import Oracle
 from sph_gym.solver.checks import known
 
@@ -45,13 +54,24 @@ def follow(controller: Controller) -> Policy:
 
 
 def play_network(network: Network) -> Policy:
-    """Return the policy of an exported network, in an environment of absolute actions."""
-    if network.squash != "none":
-        return lambda env, observation: network(observation)
+    """Return the policy of an exported network; one of discrete actions plays absolute ones, too.
+
+    It raises ValueError in an environment whose observations or actions it wasn't trained with.
+    """
+    discrete = network.squash == "none"
 
     def act(env: gym.Env[Any, Any], observation: NDArray[np.float32]) -> Any:
         tuning: Any = env.unwrapped
-        choice = int(network(observation).argmax())
+        rules = tuning.rules
+        # a choice among the 27 moves becomes the absolute action that leads to the same place
+        mode = "discrete" if discrete and rules.action_mode == "absolute" else rules.action_mode
+        network.check(observation_layout(rules), action_layout(mode))
+        values = network(observation)
+        if not discrete:
+            return values
+        choice = int(values.argmax())
+        if rules.action_mode == "discrete":
+            return choice
         return Discrete().act(choice, tuning.episode.coordinates).astype(np.float32)
 
     return act
@@ -76,6 +96,7 @@ AGENTS: dict[str, Callable[[Spec, int], Policy]] = {
     "default": lambda spec, seed: follow(nominal),
     "cfl": lambda spec, seed: follow(ArticleCfl()),
     "tuned_cfl": lambda spec, seed: follow(TunedCfl()),
+    "adaptive": lambda spec, seed: follow(AdaptiveRule()),
     "grid_search": lambda spec, seed: _play_static(spec),
     "lookahead": lambda spec, seed: Oracle(),
     **dict.fromkeys(LEARNED, lambda spec, seed: _play_trained(spec)),

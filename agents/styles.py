@@ -25,6 +25,7 @@ STYLES: dict[str, AgentStyle] = {
     "default": AgentStyle("default", "#000000", "o"),
     "cfl": AgentStyle("CFL", "#E69F00", "s", (0, (5, 2))),
     "tuned_cfl": AgentStyle("tuned CFL", "#0072B2", "D", (0, (6, 1.5, 1, 1.5))),
+    "adaptive": AgentStyle("adaptive", "#6A3D9A", "d", (0, (4, 1.5))),
     "grid_search": AgentStyle("grid search", "#CC79A7", "^", (0, (3, 1.5))),
     "lookahead": AgentStyle("look-ahead", "#8C8C00", "X", (0, (8, 2, 1, 2, 1, 2))),
     "ppo": AgentStyle("PPO", "#009E73", "v"),
@@ -39,6 +40,7 @@ SENTENCES = {
     "usual stability limits (Courant, force, viscosity) allow.",
     "tuned_cfl": "softens the fluid as far as its present speed permits and steps close to the "
     "edge of stability, as a practitioner would; its work is the unit of work.",
+    "adaptive": "is the tuned CFL rule with an XSPH epsilon that follows the measured noise.",
     "grid_search": "keeps one setting for the whole run, the best of a grid that was tried on "
     "training instances.",
     "lookahead": "tries settings on snapshots of the episode and keeps the best; it sees the "

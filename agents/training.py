@@ -6,7 +6,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,8 @@ from agents.arguments import option
 from sph_gym.controllers import Network
 from sph_gym.controllers.network import shipped_network
 from sph_gym.env import env_id
+from sph_gym.env.layouts import action_layout, observation_layout
+from sph_gym.env.rules import Rules
 from sph_gym.env.stable_baselines import TuningVecEnv
 
 FOLDER = Path(__file__).parent
@@ -126,16 +128,24 @@ class Training:
         model.save(self.folder / "last_model")
         # without an evaluation there is no best model
         if not network.exists():
-            checked_export(model, self.export).save(network)
+            checked_export(model, self.exported).save(network)
         print(f"policy: {network}")
         if self.args.ship:
             self._ship(network, best if best.exists() else self.folder / "last_model.zip")
 
+    def exported(self, model: Any) -> Network:
+        """Return the plain network of a model, with the layouts that it was trained with."""
+        rules = Rules(action_mode=self.action_mode)
+        layouts = observation_layout(rules), action_layout(self.action_mode)
+        return replace(self.export(model), observation=layouts[0], action=layouts[1])
+
     def _ship(self, network: Path, model: Path) -> None:
         """Copy the network into the package, and the model that it was made of beside this file."""
         target = shipped_network(self.algorithm, self.args.scene)
-        shutil.copyfile(network, target)
-        shutil.copyfile(model, FOLDER / "trained" / f"{target.stem}.zip")
+        origin = FOLDER / "trained" / f"{target.stem}.zip"
+        for source, copy in ((network, target), (model, origin)):
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, copy)
         print(f"shipped: {target}")
 
     def _callbacks(self) -> BaseCallback:
@@ -148,7 +158,7 @@ class Training:
             n_eval_episodes=count,
             eval_freq=every,
             best_model_save_path=str(self.folder),
-            callback_on_new_best=_Exporter(self.export, self.folder / "network.npz"),
+            callback_on_new_best=_Exporter(self.exported, self.folder / "network.npz"),
             log_path=str(self.folder),
             verbose=1,
         )

@@ -253,7 +253,7 @@ def _add_docs(commands: Any) -> None:
     docs = commands.add_parser("docs", help="everything about an environment, as Markdown")
     docs.set_defaults(function=_docs)
     add = docs.add_argument
-    add("id", nargs="?", help="such as sph_gym/DamBreak-v0; without: a list")
+    add("id", nargs="?", help="such as sph_gym/DamBreak-v1; without: a list")
     add("--output", metavar="FOLDER", help="write pages there, by default of all ids")
 
 

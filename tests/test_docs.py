@@ -101,7 +101,7 @@ def test_every_program_runs(program, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("call", CALLS)
 def test_every_call_is_answered_by_what_make_returns(call):
-    env = gym.make("sph_gym/DamBreak-v0", action_mode="discrete")
+    env = gym.make("sph_gym/DamBreak-v1", action_mode="discrete")
     env.reset(seed=0)
     assert eval(call, {"env": env}) is not None
 

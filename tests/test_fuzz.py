@@ -390,7 +390,7 @@ def test_a_snapshot_is_taken_or_refused(running, extra, data):
 # --- Environments ---------------------------------------------------------------------------
 
 ENVIRONMENT = {
-    "scene": st.one_of(st.sampled_from(["dam_break", "mixed", "sloshing"]), words),
+    "scene": st.one_of(st.sampled_from(["dam_break", "mixed", "shaken_tank"]), words),
     "dx": anything,
     "instances": st.one_of(st.sampled_from(["train", "nominal"]), words),
     "action_mode": st.one_of(st.sampled_from(["absolute", "delta", "discrete"]), words),
@@ -423,7 +423,7 @@ VECTOR = ENVIRONMENT | {
 }
 VECTORS = {
     "native": TuningVectorEnv,
-    "make_vec": partial(gym.make_vec, "sph_gym/DamBreak-v0"),
+    "make_vec": partial(gym.make_vec, "sph_gym/DamBreak-v1"),
     "stable baselines": TuningVecEnv,
 }
 

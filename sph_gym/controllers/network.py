@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from sph_gym.files import atomic_write
 
 SQUASH = ("clip", "tanh", "none")
+# Parts of a file that are texts.
+TEXTS = ("activation", "squash", "observation", "action")
 # Networks that come with the package.
 SHIPPED = Path(__file__).parent / "networks"
 Floats = NDArray[np.float32]
@@ -28,13 +30,16 @@ class Network:
 
     weights, biases: one (n_out, n_in) and (n_out,) array a layer; activation: "tanh" or "relu"
     between layers; squash: how the last layer becomes an action in [-1, 1], "clip" or "tanh", or
-    "none" if it holds the values of discrete actions.
+    "none" if it holds the values of discrete actions; observation, action: the layouts with their
+    versions that it was trained with, as `sph_gym.env.layouts` names them.
     """
 
     weights: tuple[Floats, ...]
     biases: tuple[Floats, ...]
     activation: str
     squash: str
+    observation: str = ""
+    action: str = ""
 
     def __call__(self, observation: Floats) -> Floats:
         """Return the action (3,) for an observation (n,), or the values of discrete ones."""
@@ -52,26 +57,46 @@ class Network:
         layers: dict[str, Any] = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
         with atomic_write(path) as draft:
-            np.savez_compressed(draft, activation=self.activation, squash=self.squash, **layers)
+            np.savez_compressed(draft, **{name: getattr(self, name) for name in TEXTS}, **layers)
 
     @staticmethod
     def load(path: str | Path) -> "Network":
         """Read a .npz file; it holds numbers only, no code is run.
 
-        Raises ValueError if the file is no exported network, or a damaged one.
+        Raises ValueError if the file is no exported network, a damaged one, or one that doesn't
+        say which observations and actions it was trained with.
         """
         try:
             with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as data:
                 n_layers = sum(name.startswith("weight") for name in data.files)
                 weights = tuple(data[f"weight{k}"] for k in range(n_layers))
                 biases = tuple(data[f"bias{k}"] for k in range(n_layers))
-                activation, squash = str(data["activation"]), str(data["squash"])
+                # files of drafts of the environments have no layouts
+                texts = {name: str(data[name]) for name in TEXTS if name in data.files}
+                activation, squash = texts["activation"], texts["squash"]
         except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
             raise ValueError(f"path: {path} is no exported network ({error})") from None
         known = squash in SQUASH and activation in ("tanh", "relu")
         if not (known and weights and _fit(weights, biases)):
             raise ValueError(f"path: {path} is no exported network")
-        return Network(weights, biases, activation, squash)
+        if not (texts.get("observation") and texts.get("action")):
+            raise ValueError(
+                f"path: {path} doesn't say which observations and actions it was trained with: "
+                "train it anew, or export it with `observation` and `action`"
+            )
+        return Network(weights, biases, **texts)
+
+    def check(self, observation: str, action: str) -> None:
+        """Raise ValueError unless it was trained with these layouts of observation and action."""
+        for what, own, here in (
+            ("observations", self.observation, observation),
+            ("actions", self.action, action),
+        ):
+            if own != here:
+                raise ValueError(
+                    f"network: it was trained with {what} {own or 'unknown'!r}, but those of this "
+                    f"environment are {here!r}: choose a network that fits, or train one anew"
+                )
 
 
 def _fit(weights: tuple[Floats, ...], biases: tuple[Floats, ...]) -> bool:

@@ -20,6 +20,7 @@ PLOTS = {
     "reward_terms.png": plots.plot_reward_terms,
 }
 NOMINAL = 4e5
+ERRORS = ("density_error", "clumping", "fidelity_error", "noise")
 
 
 def made_up_runs():
@@ -32,15 +33,13 @@ def made_up_runs():
             terms["reward_work"] = 0.2 * k + 0.02 * rng.normal()
             terms["reward_density"] = -0.05 * rng.random()
             terms["reward_blowup"] = -0.9 * blown
-            errors = 0.02 * rng.random(), 0.2 * rng.random(), 0.3 * rng.random()
+            errors = [size * rng.random() for size in (0.02, 0.2, 0.3, 0.02)]
             rows.append(
                 {
                     "agent": agent,
                     "return": sum(terms.values()),
                     "work": 0.1 if agent == "random" else float(np.exp(rng.normal())),
-                    **dict(
-                        zip(("density_error", "clumping", "fidelity_error"), errors, strict=True)
-                    ),
+                    **dict(zip(ERRORS, errors, strict=True)),
                     "blowup": float(blown),
                     **terms,
                 }
@@ -56,7 +55,7 @@ def made_up_episode(agent):
             "time": 0.01 * (k + 1),
             "dt": 1e-3 * (1 + rng.random()),
             "stiffness": NOMINAL * (0.1 + rng.random()),
-            "xsph": 0.6 * rng.random(),
+            "xsph": rng.random(),
             "n_substeps": float(rng.integers(1, 20)),
             "density_error": 0.01 * rng.random(),
             "fidelity_error": 2 * rng.random(),
@@ -132,7 +131,7 @@ def test_tables_have_numbers_with_intervals_and_text(folder):
     pd.testing.assert_frame_equal(pd.read_csv(folder / "table.csv"), summary)
     lines = (folder / "table.md").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 2 + len(AGENTS)
-    assert all(line.count("±") == 6 for line in lines[2:])
+    assert all(line.count("±") == len(MEASURES) for line in lines[2:])
 
 
 def test_page_loads_nothing_from_elsewhere(page):

@@ -116,7 +116,7 @@ def assert_same(one, other):
 @pytest.mark.parametrize("arguments", COPIED, ids=str)
 def test_a_copy_in_mid_episode_goes_on_alike(arguments, copied, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    env = make({"id": "sph_gym/Mixed-v0", "dx": 0.08, **arguments})
+    env = make({"id": "sph_gym/Mixed-v1", "dx": 0.08, **arguments})
     env.reset(seed=2)
     env.action_space.seed(3)
     play(env, 7)
@@ -129,7 +129,7 @@ def test_a_copy_in_mid_episode_goes_on_alike(arguments, copied, monkeypatch):
 
 
 def test_a_copy_of_an_environment_with_a_picture_paints_the_same(monkeypatch):
-    env = gym.make("sph_gym/DropImpact-v0", dx=0.08, render_mode="rgb_array").unwrapped
+    env = gym.make("sph_gym/DropImpact-v1", dx=0.08, render_mode="rgb_array").unwrapped
     env.reset(seed=0)
     picture = env.render()
     for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
@@ -150,7 +150,7 @@ def test_a_copy_of_a_vector_goes_on_alike(copied):
 
 
 def one_of_many():
-    return gym.make("sph_gym/Mixed-v0", dx=0.08, action_mode="delta", max_episode_steps=12)
+    return gym.make("sph_gym/Mixed-v1", dx=0.08, action_mode="delta", max_episode_steps=12)
 
 
 @pytest.mark.parametrize("context", ["spawn", "forkserver"])

@@ -15,7 +15,7 @@ from sph_gym.env.rewards import TERMS
 
 minari = pytest.importorskip("minari")
 
-ID, ARGUMENTS = "sph_gym/DropImpact-v0", {"dx": 0.08}
+ID, ARGUMENTS = "sph_gym/DropImpact-v1", {"dx": 0.08}
 INSTANCES = ["drop_impact/train/5/dx=0.08", "drop_impact/train/2/dx=0.08"]
 NAME = "sph_gym/drop_impact/random-v0"
 
@@ -118,7 +118,7 @@ def test_a_dataset_tells_what_made_its_flows():
 
 def test_a_scene_of_ones_own_is_told_by_its_fingerprint_and_recovered():
     scene = scenes.make("drop_impact", dx=0.08)
-    data = record("sph_gym/Custom-v0", random_agent(), 1, NAME, arguments={"scene": scene})
+    data = record("sph_gym/Custom-v1", random_agent(), 1, NAME, arguments={"scene": scene})
     (about,) = data.storage.get_episode_metadata([0])
     assert json.loads(about["instance"])["fingerprint"] == fingerprint(scene)
     env = minari.load_dataset(NAME).recover_environment()
@@ -139,7 +139,7 @@ OWN = {"scene": scenes.make("drop_impact", dx=0.08)}
 @pytest.mark.parametrize("infos", [False, True])
 @pytest.mark.parametrize(
     ("id_", "arguments"),
-    [(ID, ARGUMENTS), ("sph_gym/Custom-v0", OWN), (ID, {**ARGUMENTS, "observation": "field"})],
+    [(ID, ARGUMENTS), ("sph_gym/Custom-v1", OWN), (ID, {**ARGUMENTS, "observation": "field"})],
     ids=["named", "own", "field"],
 )
 def test_the_collector_of_minari_works(id_, arguments, infos):

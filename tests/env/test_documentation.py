@@ -111,11 +111,11 @@ def test_the_readme_has_the_labels_of_the_pages():
     assert set(told) == set(IDS)
     for id_, label in told.items():
         assert label.split(":")[0] == documentation.subject(id_).label.split(",")[0]
-    assert told["sph_gym/Relaxation-v0"].startswith("diagnostic")
+    assert told["sph_gym/Relaxation-v1"].startswith("diagnostic")
 
 
 def test_the_pages_say_what_ood_shows_and_what_nothing_judges():
-    page = PAGES["sph_gym/DamBreak-v0"]
+    page = PAGES["sph_gym/DamBreak-v1"]
     shifts = {row[0]: row[1] for row in under(page, r"NUMBER % 4")}
     for number in range(8):
         shown = instances.shift(f"dam_break/ood/{number}")
@@ -133,7 +133,7 @@ def test_vector_rewards_are_made_without_a_warning(id_):
     scene = sph_gym.scenes.make("drop_impact", dx=0.08)
     env = eval(line, {"gymnasium": gym, "scene": scene})
     assert env.spec.kwargs["reward"] == "vector"
-    if id_ == "sph_gym/DamBreak-v0":
+    if id_ == "sph_gym/DamBreak-v1":
         env.reset(seed=0)
         assert env.step(env.action_space.sample())[1].shape == (len(rewards.TERMS),)
     assert env.spec.disable_env_checker
@@ -150,7 +150,7 @@ def test_the_arguments_are_those_of_the_constructors(id_):
 
 
 def test_every_entry_of_info_is_explained():
-    env = gym.make("sph_gym/DropImpact-v0", dx=0.08)
+    env = gym.make("sph_gym/DropImpact-v1", dx=0.08)
     for info in (env.reset(seed=0)[1], env.step(np.zeros(3, np.float32))[4]):
         assert set(info) == set(INFO)
         assert {key for key in info if isinstance(info[key], str)} == {
@@ -173,16 +173,16 @@ def test_values_in_the_text_are_those_of_the_code():
 
 
 def test_a_page_tells_of_the_scene_that_shows_the_environment():
-    assert "`shaken_tank`: A tank that is shaken" in section("sph_gym/Sloshing-v0", "Description")
+    assert "`shaken_tank`: A tank that is shaken" in section("sph_gym/ShakenTank-v1", "Description")
 
 
 def test_ranges_are_those_of_the_instances():
-    shown = {row[0]: row for row in rows(section("sph_gym/DamBreak-v0", "Starting State"))}
+    shown = {row[0]: row for row in rows(section("sph_gym/DamBreak-v1", "Starting State"))}
     drawn = [instances.instance("dam_break", "test", k).arguments["gravity"] for k in range(32)]
     column = 1 + list(instances.SIZES).index("test")
     assert shown["gravity"][column] == f"{min(drawn):.4g} to {max(drawn):.4g}"
     assert shown["gravity"][1] == "9.81"
-    ends = rows(section("sph_gym/DamBreak-v0", "Action Space"))
+    ends = rows(section("sph_gym/DamBreak-v1", "Action Space"))
     sound = next(row for row in ends if row[1] == "sound speed")
     c0 = instances.instance("dam_break", "nominal", 0).build().fluid.c0
     assert [float(x) for x in sound[3:]] == pytest.approx(np.multiply(actions.SOUND, c0), rel=1e-3)
@@ -211,5 +211,5 @@ def test_the_command_lists_prints_and_writes(tmp_path, capsys):
     written = {path.name: path.read_text() for path in (tmp_path / "docs").iterdir()}
     assert set(written) == {f"{id_[8:]}.md" for id_ in IDS} | {"README.md"}
     assert all(f"({name})" in written["README.md"] for name in written if name != "README.md")
-    assert main(["docs", "sph_gym/Lake-v0"]) == 2
+    assert main(["docs", "sph_gym/Lake-v1"]) == 2
     assert "DamBreak" in capsys.readouterr().err

@@ -59,7 +59,7 @@ def test_only_what_a_manifest_lists_has_its_version():
 
 
 def test_an_environment_tells_of_the_present_episode():
-    env = gym.make("sph_gym/Mixed-v0", dx=0.08).unwrapped
+    env = gym.make("sph_gym/Mixed-v1", dx=0.08).unwrapped
     with pytest.raises(gym.error.ResetNeeded):
         _ = env.instance
     _, info = env.reset(seed=0, options={"instance": "relaxation/ood/2"})

@@ -170,7 +170,7 @@ def test_ids_of_a_version_are_not_given_another_meaning(folder, monkeypatch, cap
     edit(folder, '{"dx": 0.03}', '{"dx": 0.05}')
     command = ["manifest", "--scenes", "relaxation", "--output", str(folder)]
     assert main(command) == 2
-    assert "relaxation/nominal/0 means another flow in v0" in capsys.readouterr().err
+    assert "relaxation/nominal/0 means another flow in v1" in capsys.readouterr().err
     reference = references.as_arrays(references.reference(instances.parse(IDS[0]).build(), IDS[0]))
     monkeypatch.setattr(build_manifests, "_reference", lambda id_, flow: reference)
     assert main([*command, "--redefine"]) == 0
@@ -188,8 +188,8 @@ def test_a_scene_that_does_not_exist_is_refused(tmp_path):
     [
         "",
         "{",
-        '{"version": "v0", "instances": 3}',
-        '{"version": "v0", "instances": {"a": {}}}',
+        '{"version": "v1", "instances": 3}',
+        '{"version": "v1", "instances": {"a": {}}}',
         '{"instances": {}}',
     ],
 )

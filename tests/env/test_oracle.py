@@ -6,14 +6,14 @@ from sph_gym.controllers import TunedCfl
 from sph_gym.env import env_id
 from sph_gym.env.oracle import COARSE, Oracle, Search, play
 
-INSTANCE = {"instance": "colliding_patches/val/3"}
+INSTANCE = {"instance": "patch_impact/val/3"}
 # Three moves of 25 steps, and only the settings around the present one.
 SHORT = Search(width=1, hold=25, courant=(), sound=(), xsph=())
 
 
 @pytest.fixture
 def env():
-    made = gym.make(env_id("colliding_patches")).unwrapped
+    made = gym.make(env_id("patch_impact")).unwrapped
     made.reset(seed=0, options=INSTANCE)
     return made
 
@@ -37,7 +37,7 @@ def test_it_earns_more_than_the_tuned_rule(env):
 
 
 def test_planning_leaves_the_episode_as_it_was(env):
-    twin = gym.make(env_id("colliding_patches")).unwrapped
+    twin = gym.make(env_id("patch_impact")).unwrapped
     twin.reset(seed=0, options=INSTANCE)
     Oracle(SHORT).plan(env.episode)
     action = np.zeros(3, np.float32)
@@ -68,7 +68,7 @@ def test_what_is_fixed_stays(env):
 
 @pytest.mark.parametrize("mode", ["delta", "discrete"])
 def test_it_plays_in_every_action_mode(mode):
-    env = gym.make(env_id("colliding_patches"), action_mode=mode).unwrapped
+    env = gym.make(env_id("patch_impact"), action_mode=mode).unwrapped
     env.reset(seed=0, options=INSTANCE)
     oracle = Oracle(SHORT)
     for _ in range(3):

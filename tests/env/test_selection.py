@@ -11,7 +11,7 @@ from sph_gym.env import instances
 from sph_gym.env.reference import n_frames
 from sph_gym.env.vector import TuningVectorEnv
 
-ID, CUSTOM = "sph_gym/DropImpact-v0", "sph_gym/Custom-v0"
+ID, CUSTOM = "sph_gym/DropImpact-v1", "sph_gym/Custom-v1"
 LIST = ["drop_impact/test/3/dx=0.08", "drop_impact/val/1/dx=0.08", "drop_impact/train/7/dx=0.08"]
 SCENE = scenes.make("drop_impact", dx=0.08)
 
@@ -146,18 +146,18 @@ def test_dictionaries_that_are_no_scene_are_refused(wrong):
 @pytest.mark.parametrize(
     ("id_", "arguments", "n_steps"),
     [
-        ("sph_gym/CollidingPatches-v0", {}, 75),
-        ("sph_gym/CollidingPatches-v0", {"instances": "train"}, 75),
-        ("sph_gym/LongFall-v0", {"instances": "test"}, 125),
-        ("sph_gym/HydrostaticTank-v0", {"instances": "val"}, 120),
-        ("sph_gym/CollidingPatches-v0", {"instances": "ood"}, None),
-        ("sph_gym/CollidingPatches-v0", {"on_blowup": "rollback"}, None),
-        ("sph_gym/DamBreak-v0", {}, 73),
-        ("sph_gym/DamBreak-v0", {"instances": "val"}, None),
-        ("sph_gym/DamBreak-v0", {"instances": ["dam_break/val/3"]}, 63),
-        ("sph_gym/DamBreak-v0", {"instances": ["dam_break/val/3", "dam_break/val/4"]}, None),
+        ("sph_gym/PatchImpact-v1", {}, 75),
+        ("sph_gym/PatchImpact-v1", {"instances": "train"}, 75),
+        ("sph_gym/LongFall-v1", {"instances": "test"}, 125),
+        ("sph_gym/HydrostaticTank-v1", {"instances": "val"}, 120),
+        ("sph_gym/PatchImpact-v1", {"instances": "ood"}, None),
+        ("sph_gym/PatchImpact-v1", {"on_blowup": "rollback"}, None),
+        ("sph_gym/DamBreak-v1", {}, 73),
+        ("sph_gym/DamBreak-v1", {"instances": "val"}, None),
+        ("sph_gym/DamBreak-v1", {"instances": ["dam_break/val/3"]}, 63),
+        ("sph_gym/DamBreak-v1", {"instances": ["dam_break/val/3", "dam_break/val/4"]}, None),
         (ID, {"dx": 0.08}, 71),
-        ("sph_gym/Mixed-v0", {}, None),
+        ("sph_gym/Mixed-v1", {}, None),
         (CUSTOM, {"scene": SCENE}, n_frames(SCENE)),
     ],
     ids=str,
@@ -170,7 +170,7 @@ def test_the_spec_tells_the_length_that_all_episodes_have(id_, arguments, n_step
     assert envs.max_episode_steps is None
 
 
-@pytest.mark.parametrize("name", ["colliding_patches", "long_fall", "hydrostatic_tank"])
+@pytest.mark.parametrize("name", ["patch_impact", "long_fall", "hydrostatic_tank"])
 def test_the_length_is_that_of_the_flows(name):
     env = TuningEnv(name, instances="val")
     built = {n_frames(instances.instance(name, "val", k).build()) for k in range(16)}

@@ -26,7 +26,7 @@ SHORT = 9
 def pair(**more):
     def make():
         return gym.make(
-            "sph_gym/DropImpact-v0", dx=0.08, instances="train", max_episode_steps=SHORT, **more
+            "sph_gym/DropImpact-v1", dx=0.08, instances="train", max_episode_steps=SHORT, **more
         )
 
     return TuningVecEnv(3, max_episode_steps=SHORT, **ARGUMENTS, **more), DummyVecEnv([make] * 3)

@@ -25,7 +25,7 @@ GENTLE = np.array([-0.3, -0.2, 0.0], np.float32)
 
 @pytest.fixture
 def env():
-    made = gym.make("sph_gym/DamBreak-v0", **COARSE).unwrapped
+    made = gym.make("sph_gym/DamBreak-v1", **COARSE).unwrapped
     yield made
     made.close()
 
@@ -91,7 +91,7 @@ def test_an_episode_is_truncated_after_its_duration(env):
 
 
 def test_a_blowup_terminates_with_the_worst_for_all_that_is_left():
-    env = gym.make("sph_gym/HydrostaticTank-v0").unwrapped
+    env = gym.make("sph_gym/HydrostaticTank-v1").unwrapped
     env.reset(seed=0)
     total, steps, terminated = 0.0, 0, False
     while not terminated:
@@ -106,7 +106,7 @@ def test_a_blowup_terminates_with_the_worst_for_all_that_is_left():
 
 
 def test_the_environments_generator_draws_the_instance(env):
-    env = gym.make("sph_gym/Relaxation-v0", instances="train", **COARSE).unwrapped
+    env = gym.make("sph_gym/Relaxation-v1", instances="train", **COARSE).unwrapped
     drawn = []
     env.reset(seed=5)
     for _ in range(4):
@@ -154,7 +154,7 @@ def test_wrong_choices_are_refused_and_nothing_moves(choice):
 
 
 def test_step_and_render_before_reset_are_refused():
-    env = gym.make("sph_gym/DamBreak-v0", render_mode="rgb_array", **COARSE).unwrapped
+    env = gym.make("sph_gym/DamBreak-v1", render_mode="rgb_array", **COARSE).unwrapped
     with pytest.raises(ResetNeeded):
         env.step(GENTLE)
     with pytest.raises(ResetNeeded):
@@ -179,12 +179,12 @@ def test_wrong_arguments_are_refused(arguments):
 
 def test_unknown_arguments_are_named():
     with pytest.raises(TypeError, match="'luck'"):
-        gym.make("sph_gym/DamBreak-v0", luck=1.0)
+        gym.make("sph_gym/DamBreak-v1", luck=1.0)
 
 
 def test_weights_scale_their_terms():
-    env = gym.make("sph_gym/DamBreak-v0", reward_weights={"work": 2.0}, **COARSE).unwrapped
-    plain = gym.make("sph_gym/DamBreak-v0", **COARSE).unwrapped
+    env = gym.make("sph_gym/DamBreak-v1", reward_weights={"work": 2.0}, **COARSE).unwrapped
+    plain = gym.make("sph_gym/DamBreak-v1", **COARSE).unwrapped
     for one in (env, plain):
         one.reset(seed=0)
     reward, same = env.step(GENTLE)[1], plain.step(GENTLE)[1]
@@ -194,12 +194,12 @@ def test_weights_scale_their_terms():
 
 def test_a_scene_of_the_users_own():
     scene = scenes.make("drop_impact", dx=0.06)
-    env = gym.make("sph_gym/Custom-v0", scene=scene).unwrapped
+    env = gym.make("sph_gym/Custom-v1", scene=scene).unwrapped
     _, info = env.reset(seed=0)
     assert info["instance_id"] == f"drop_impact/custom/{fingerprint(scene)}"
     env.step(GENTLE)
     with pytest.raises(ValueError, match="instances"):
-        gym.make("sph_gym/Custom-v0", scene=scene, instances="train")
+        gym.make("sph_gym/Custom-v1", scene=scene, instances="train")
 
 
 def test_pickle_and_deepcopy_go_on_alike(env):
@@ -221,14 +221,14 @@ def test_work_is_counted_in_substeps_of_the_tuned_rule(env):
 def test_ids_and_scenes_name_each_other():
     assert [scene_of(id_) for id_ in IDS] == list(SCENES)
     with pytest.raises(ValueError, match="DamBreak"):
-        scene_of("sph_gym/Lake-v0")
+        scene_of("sph_gym/Lake-v1")
 
 
 def test_vector_environments_draw_and_agree_with_single_ones():
-    envs = gym.make_vec("sph_gym/Relaxation-v0", num_envs=2, vectorization_mode="sync", **COARSE)
+    envs = gym.make_vec("sph_gym/Relaxation-v1", num_envs=2, vectorization_mode="sync", **COARSE)
     observations, _ = envs.reset(seed=7)
     for k in range(2):
-        single, _ = gym.make("sph_gym/Relaxation-v0", **COARSE).reset(seed=7 + k)
+        single, _ = gym.make("sph_gym/Relaxation-v1", **COARSE).reset(seed=7 + k)
         assert np.array_equal(observations[k], single)
 
 
@@ -525,7 +525,7 @@ def test_a_field_shows_where_the_fluid_is_and_goes():
 
 
 def test_mixed_draws_from_all_scenes():
-    made = gym.make("sph_gym/Mixed-v0", dx=0.06).unwrapped
+    made = gym.make("sph_gym/Mixed-v1", dx=0.06).unwrapped
     made.reset(seed=0)
     drawn = set()
     for _ in range(40):
@@ -548,7 +548,7 @@ def test_without_a_screen_the_environment_says_so_once_and_goes_on(monkeypatch):
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # moviepy leaves a pipe open
 def test_a_video_is_recorded(tmp_path):
     pytest.importorskip("moviepy")
-    env = gym.make("sph_gym/DamBreak-v0", render_mode="rgb_array", **COARSE)
+    env = gym.make("sph_gym/DamBreak-v1", render_mode="rgb_array", **COARSE)
     env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"), video_length=3)
     env.reset(seed=0)
     for _ in range(4):

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 import sph_gym
 from sph_gym.env.vector import TuningVectorEnv
 
-ID, SHORT = "sph_gym/DropImpact-v0", 12
+ID, SHORT = "sph_gym/DropImpact-v1", 12
 ARGUMENTS = {"dx": 0.08, "instances": "train"}
 
 
@@ -95,7 +95,7 @@ def test_threads_change_nothing(threads):
 
 
 def test_scenes_with_different_frames_go_together():
-    envs = gym.make_vec("sph_gym/Mixed-v0", num_envs=4, dx=0.06)
+    envs = gym.make_vec("sph_gym/Mixed-v1", num_envs=4, dx=0.06)
     envs.reset(seed=0)
     frames = [env.sim.scene.frame for env in envs.unwrapped.envs]
     assert len(set(frames)) > 1

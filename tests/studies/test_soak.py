@@ -14,7 +14,7 @@ def test_chunks_try_everything():
     plan = soak.chunks(soak.FULL)
     assert sum(chunk.steps for chunk in plan) >= soak.FULL
     assert {chunk.id for chunk in plan} == set(soak.IDS)
-    assert "sph_gym/Mixed-v0" in soak.IDS
+    assert "sph_gym/Mixed-v1" in soak.IDS
     for id_ in soak.IDS:
         own = [chunk for chunk in plan if chunk.id == id_]
         tried = {tuple(chunk.arguments.values())[:3] for chunk in own}
@@ -29,7 +29,7 @@ def test_chunks_try_everything():
 @pytest.mark.parametrize("mode", ["absolute", "discrete"])
 def test_all_is_well(n_envs, mode):
     arguments = {"action_mode": mode, "on_blowup": "rollback"}
-    chunk = soak.Chunk("sph_gym/HydrostaticTank-v0", arguments, 2.0, n_envs, 150, seed=1)
+    chunk = soak.Chunk("sph_gym/HydrostaticTank-v1", arguments, 2.0, n_envs, 150, seed=1)
     found = soak.play(chunk)
     assert found["violations"] == {}
     assert sum(found["policies"].values()) >= 150

@@ -7,11 +7,20 @@ from functools import cache
 from typing import Any
 
 from sph_gym import scenes
-from sph_gym.env import actions, episode, instances, manifest, observations, rewards
+from sph_gym.env import actions, contexts, episode, instances, manifest, observations, rewards
 from sph_gym.env.distributions import FAMILIES, SHIFTS
 from sph_gym.env.documentation.markdown import listed, span, table
 from sph_gym.env.identity import Identity
-from sph_gym.env.reference import TWIN_SOUND, WINDOW, n_frames
+from sph_gym.env.reference import (
+    COURANT,
+    MATCHED,
+    NOMINAL_XSPH,
+    SUPPORT,
+    TWIN_JITTER,
+    TWIN_SOUND,
+    WINDOW,
+    n_frames,
+)
 from sph_gym.env.registration import HISTORY
 from sph_gym.env.rules import ROLLBACKS, Rules
 from sph_gym.env.tuning import TuningEnv
@@ -55,7 +64,12 @@ def _numbers() -> dict[str, Any]:
         "mildest": f"{rewards.MILDEST:g}",
         "worst": f"{rewards.WORST:g}",
         "window": WINDOW,
+        "reference_courant": COURANT,
+        "reference_kernel": MATCHED,
+        "reference_support": SUPPORT,
+        "own_xsph": NOMINAL_XSPH,
         "twin_sound": TWIN_SOUND,
+        "twin_jitter": f"{100 * TWIN_JITTER:g}",
         "xsph": DEFAULT_XSPH,
         "rollbacks": ROLLBACKS["rollback"],
     }
@@ -73,6 +87,7 @@ def _actions() -> dict[str, Any]:
     choices = [(k, *move) for k, move in enumerate((actions.STEP * actions.MOVES).tolist())]
     added = ["Discrete action", *(f"adds to {name}" for name in actions.NAMES)]
     return {
+        "action_version": actions.VERSION,
         "action_space": actions.Absolute().space(),
         "coordinates": table(headings, rows),
         "action_modes": table(["`action_mode`", "Space", "Meaning"], modes),
@@ -87,7 +102,13 @@ def _observations() -> dict[str, Any]:
         for k, one in enumerate(observations.Features(rollback=True).rows)
     ]
     channels = [(k, *channel, 0, 255) for k, channel in enumerate(observations.CHANNELS)]
+    context = [
+        (one.name, one.meaning, float(one.low), float(one.high)) for one in observations.CONTEXT
+    ]
     return {
+        "observation_version": observations.VERSION,
+        "context_features": table(["Of the context", "Meaning", "Min", "Max"], context),
+        "n_context": len(observations.FEATURES) + len(observations.CONTEXT),
         "n_features": len(observations.FEATURES),
         "features_doc": inspect.getdoc(observations.Features),
         "features": table(["Num", "Observation", "Meaning", "Min", "Max"], rows),
@@ -98,7 +119,7 @@ def _observations() -> dict[str, Any]:
 
 def _rewards() -> dict[str, Any]:
     examples = [
-        (error, work, sum(rewards.terms(rewards.Errors(0.0, 0.0, error), work).values()))
+        (error, work, sum(rewards.terms(rewards.Errors(0.0, 0.0, 0.0, error), work).values()))
         for error, work in EXAMPLES
     ]
     defaults = rewards.Tolerances()._asdict()
@@ -202,8 +223,26 @@ def flows(names: Sequence[str]) -> dict[str, str]:
         "sets": table(["`instances`", "Flows of a scene", "Purpose"], sets),
         "shifts": table([f"NUMBER % {len(SHIFTS)}", "`shift`", "Meaning"], shifts),
         "identity": table(["Field", "Meaning"], identity),
+        "kinds": _kinds(),
         "ranges": "\n\n".join(ranges),
     }
+
+
+def _kinds() -> str:
+    """Return the kinds of contexts, their shares and their ranges."""
+    usual, shares = contexts.Context(), contexts.KINDS
+    ends = {"noisy": contexts.NOISY, "damped": contexts.DAMPED, "plain": (usual.alpha,)}
+    supports = {"noisy": (contexts.NARROW, contexts.USUAL)}
+    rows = [
+        (
+            f'`"{kind}"`',
+            f"{shares.count(kind)} of {len(shares)}",
+            span(alphas),
+            span(supports.get(kind, (usual.support,))),
+        )
+        for kind, alphas in ends.items()
+    ]
+    return table(['`info["context"]`', "Share", "alpha", "h / dx"], rows)
 
 
 def _ranges(name: str) -> list[list[str]]:
@@ -217,10 +256,13 @@ def _ranges(name: str) -> list[list[str]]:
         drawn = [instances.instance(name, split, k).drawn for k in range(size)]
         made = [usual | one.arguments for one in drawn if one.builder == builder]
         shown = _built(name, split)
+        numerics = [contexts.of(scene) for scene in shown]
         columns.append(
             {key: [one[key] for one in made] for key in usual}
             | {
-                "viscosity / (h c0)": [one.viscosity or 0.0 for one in drawn],
+                "alpha": [one.alpha for one in numerics],
+                "h / dx": [one.support for one in numerics],
+                "viscosity / (h c0)": [one.viscosity for one in numerics],
                 "fluid particles": [len(scene.x) for scene in shown],
                 "duration [s]": [scene.duration for scene in shown],
                 "steps": [n_frames(scene) for scene in shown],

@@ -1,0 +1,58 @@
+"""Trained networks as controllers of a run that is no environment: they see what an agent sees."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from sph_gym.controllers import Controller, Network
+from sph_gym.controllers.network import shipped_network
+from sph_gym.env import actions
+from sph_gym.env.observations import Features, Moment, measure
+from sph_gym.solver.scene import Scene
+from sph_gym.solver.simulation import Simulation
+from sph_gym.solver.state import Controls
+
+ALGORITHMS = ("ppo", "sac")
+
+
+class Pilot:
+    """Sets the controls as a network with absolute actions does in the environment of a scene.
+
+    network: takes the 20 features and returns 3 coordinates. It has to be called once a frame.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self._network, self._features = network, Features()
+        self._sim: Simulation | None = None
+        self._before: dict[str, float] = {}
+        self._when = math.nan
+
+    def __call__(self, sim: Simulation) -> Controls:
+        """Return the controls for the present state."""
+        now, scene = measure(sim), sim.scene
+        # of another run, or of a later time than this, it tells nothing about the last step
+        if self._sim is not sim or not self._when < sim.time:
+            self._before = now
+        moment = Moment(
+            sim,
+            now,
+            self._before,
+            actions.encode(scene, sim.controls),
+            min(sim.time / scene.duration, 1.0),
+            sim.last_report.n_substeps,
+            0.0,
+        )
+        self._sim, self._before, self._when = sim, now, sim.time
+        wanted: Any = self._network(self._features.observe(moment))
+        return actions.decode(scene, np.clip(wanted.astype(np.float64), -1.0, 1.0))
+
+
+def pilots(scene: Scene) -> dict[str, Controller]:
+    """Return the networks that the package has for a scene, by names such as "ppo network"."""
+    found: dict[str, Controller] = {}
+    for algorithm in ALGORITHMS:
+        path = shipped_network(algorithm, scene.name)
+        if path.is_file():
+            found[f"{algorithm} network"] = Pilot(Network.load(path))
+    return found

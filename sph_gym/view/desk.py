@@ -8,8 +8,8 @@ from sph_gym.view.layout import Area, even
 COLUMN = 21.0
 CONTROLS, PARTICLE, STRIPS = 12.0, 17.5, 17.0
 TIMELINE, HELP = 2.2, 2.0
-# A picture that is higher than so much of its width has the panels beside it, not below.
-TALL = 0.55
+# A picture has the panels beside it if it is at least so high, as a share of their height.
+TALL = 0.8
 
 
 class Desk(NamedTuple):
@@ -31,7 +31,7 @@ def furnish(picture: tuple[int, int], em: int) -> Desk:
     """Return the places for a picture of that size [pixels]; em: size of the text [pixels]."""
     width, height = picture
     timeline, help_ = round(TIMELINE * em), round(HELP * em)
-    if height > TALL * width:
+    if height > TALL * (CONTROLS + PARTICLE + STRIPS) * em:
         column = round(COLUMN * em)
         above, picked = round(CONTROLS * em), round(PARTICLE * em)
         top = max(height, round((CONTROLS + PARTICLE + STRIPS) * em))

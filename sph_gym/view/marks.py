@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 HIT, HIT_PIXELS = 1.0, 8.0
 # Lines of the grid that are nearer to each other than so many pixels aren't drawn.
 CLOSEST = 4.0
+# Rings around discs of at least this radius [pixels] are two pixels wide.
+THICK = 4.0
 
 
 def particle_at(state: Shown, layout: Layout, pixel: tuple[float, float]) -> int | None:
@@ -71,7 +73,7 @@ def _pair(vector: Any) -> str:
 
 
 def draw_picked(surface: "Surface", layout: Layout, state: Shown, i: int) -> None:
-    """Draw the support of particle i as a circle, rings around its neighbours, a cross on it."""
+    """Draw the support of particle i as a circle, rings around its neighbours, a dot on it."""
     pygame, x, scene = load(), state.x, state.scene
     if not np.isfinite(x[i]).all():
         return
@@ -82,9 +84,10 @@ def draw_picked(surface: "Surface", layout: Layout, state: Shown, i: int) -> Non
     at = layout.pixels(x[i] + nearest_images(x[near] - x[i], periods(scene)))
     radius = max(0.5 * scene.dx * layout.scale, 2.0)
     for pixel in at.tolist():
-        pygame.draw.circle(inside, INK, pixel, radius + 1, 1)
+        pygame.draw.circle(inside, BAD, pixel, radius + 1, 2 if radius >= THICK else 1)
     pygame.draw.circle(inside, BAD, centre.tolist(), scene.h * layout.scale, 2)
-    pygame.draw.circle(inside, BAD, centre.tolist(), radius + 2, 0)
+    pygame.draw.circle(inside, INK, centre.tolist(), radius + 3, 3)
+    pygame.draw.circle(inside, BAD, centre.tolist(), max(radius / 2, 2.0), 0)
 
 
 def draw_cells(surface: "Surface", layout: Layout, state: Shown) -> str:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 # Height of the text over a strip, and the least height of a strip with it [em].
 TEXT, LEAST = 1.4, 2.1
+# Width of the scale beside a strip, and size of its numbers [em].
+SCALE, SMALL = 3.4, 0.8
 
 
 class Strips:
@@ -28,7 +30,7 @@ class Strips:
     def __init__(self, area: Area, em: int) -> None:
         self._area, self._em = area, em
         self._title, self._ink = Lettering(em, INK, bold=True), Lettering(em, INK)
-        self._muted = Lettering(em, MUTED)
+        self._muted, self._small = Lettering(em, MUTED), Lettering(round(SMALL * em), MUTED)
 
     def draw(self, surface: "Surface", source: Source) -> None:
         """Draw the strips of a source."""
@@ -58,13 +60,27 @@ class Strips:
         self._ink.draw(surface, now, left + width, top, align=1.0)
         self._muted.draw(surface, self._muted.fitted(text, start - left - 0.5 * em), left, top)
         below = round(TEXT * em)
-        frame = pygame.Rect(left, top + below, width, max(height - below - em // 3, 3))
+        scale = round(SCALE * em)
+        frame = pygame.Rect(left, top + below, width - scale, max(height - below - em // 3, 3))
         surface.fill(DOMAIN, frame)
-        at_x, at_y = _points(values, frame.width, frame.height)
-        _draw_line(surface, frame, at_x, at_y)
+        numbers = np.array(values, float)
+        low, high = _range(numbers)
+        share = (numbers - low) / (high - low)
+        _draw_line(surface, frame, (frame.height - 3) * (1 - share) + 1)
+        pygame.draw.rect(surface, RULE, frame, 1)
         mark = frame.left + round((frame.width - 1) * at / max(len(values) - 1, 1))
         pygame.draw.line(surface, ARROW, (mark, frame.top), (mark, frame.bottom - 1))
-        pygame.draw.rect(surface, RULE, frame, 1)
+        self._draw_scale(surface, frame, left + width, (low, high))
+
+    def _draw_scale(
+        self, surface: "Surface", frame: "Rect", right: int, ends: tuple[float, float]
+    ) -> None:
+        """Draw the numbers at the lower and, if there is room, at the upper end of a strip."""
+        small = self._small
+        low, high = (significant(end, 2) for end in ends)
+        small.draw(surface, high, right, frame.top - 1, align=1.0)
+        if frame.height >= 2 * small.em:
+            small.draw(surface, low, right, frame.bottom - small.em, align=1.0)
 
 
 def _split(title: str) -> tuple[str, str]:
@@ -73,25 +89,18 @@ def _split(title: str) -> tuple[str, str]:
     return words, unit.rstrip("]") if bracket else ""
 
 
-def _points(values: list[float], width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels (k,), (k,) of values: zero or the least at the bottom, the largest on top.
-
-    Of more values than pixels, the largest and the least of each pixel are kept.
-    """
-    numbers = np.array(values, float)
-    numbers[~np.isfinite(numbers)] = np.nan
-    places = np.linspace(0, width - 1, len(numbers))
-    if np.isnan(numbers).all():
-        return np.zeros(0), np.zeros(0)
-    low, high = min(float(np.nanmin(numbers)), 0.0), max(float(np.nanmax(numbers)), 0.0)
-    share = (numbers - low) / (high - low) if high > low else np.zeros_like(numbers)
-    return places, (height - 3) * (1 - share) + 1
+def _range(numbers: np.ndarray) -> tuple[float, float]:
+    """Return the ends of the scale of a strip: the least and the largest number, or zero."""
+    finite = numbers[np.isfinite(numbers)]
+    low, high = min(finite.min(initial=0.0), 0.0), max(finite.max(initial=0.0), 0.0)
+    return float(low), float(high) if high > low else float(low) + 1.0
 
 
-def _draw_line(surface: "Surface", frame: "Rect", x: np.ndarray, y: np.ndarray) -> None:
-    """Draw a line through the points of a strip, broken where a value is missing."""
+def _draw_line(surface: "Surface", frame: "Rect", y: np.ndarray) -> None:
+    """Draw a line through evenly spaced heights (k,) [pixels], broken where one is no number."""
     pygame = load()
     inside = surface.subsurface(frame)
+    x = np.linspace(0, frame.width - 1, len(y))
     present = np.flatnonzero(np.isfinite(y))
     for part in np.split(present, np.flatnonzero(np.diff(present) > 1) + 1):
         points = np.stack([x[part], y[part]], axis=-1).tolist()

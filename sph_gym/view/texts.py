@@ -21,7 +21,7 @@ KEYS = (
     ("Home, End", "", "to the first and to the newest frame; the timeline below can be dragged"),
     ("L", "substeps", "the last 100 substeps one by one; again: back to the frames"),
     ("C", "colour", "next quantity for the colours; shift C: the one before"),
-    ("N", "neighbours", "colour by the number of neighbours, and back"),
+    ("N", "", "colour by the number of neighbours, and back"),
     ("F", "forces", "arrows of forces per mass"),
     ("V", "velocities", "arrows of velocities"),
     ("G", "cells", "the cells of the neighbour search"),
@@ -62,8 +62,8 @@ class Texts:
             room = width - (NAMES + 1.5) * em
             self._ink.draw(surface, self._ink.fitted(text, room), left + (NAMES + 1) * em, y)
 
-    def draw_line(self, surface: "Surface", area: Area, notice: str) -> None:
-        """Draw the line of keys, or the notice if there is one."""
+    def draw_line(self, surface: "Surface", area: Area, notice: str, paused: bool) -> None:
+        """Draw the line of keys, or the notice if there is one; paused: what space would end."""
         em, (left, top, width, _) = self._em, area
         surface.fill(RULE, load().Rect(area))
         x, y = float(left + em), top + 0.4 * em
@@ -73,6 +73,7 @@ class Texts:
         for key, meaning, _ in KEYS:
             if not meaning:
                 continue
+            meaning = "pause" if key == "space" and not paused else meaning
             if x + self._bold.width(key) + self._muted.width(meaning) + 1.4 * em > left + width:
                 break
             x = self._bold.draw(surface, key, x, y) + 0.4 * em

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pygame import Surface
 
 # Width of the text on the left, and radius of the knob [em].
-TEXT, KNOB = 13.0, 0.5
+TEXT, KNOB = 16.0, 0.5
 
 
 class Timeline:

@@ -193,7 +193,7 @@ class Window:
         self._texts.draw_particle(screen, desk.particle, source.state, self.picked)
         self._strips.draw(screen, source)
         self._timeline.draw(screen, source, self._doing())
-        self._texts.draw_line(screen, desk.help, self._notice)
+        self._texts.draw_line(screen, desk.help, self._notice, self.paused)
         if self._message:
             self._texts.draw_message(screen, self._painter.layout.domain, self._message)
         if self._help:
@@ -211,7 +211,7 @@ class Window:
             return "controls of the program"
         if isinstance(self.source, Substeps):
             return "controls as they were"
-        return f"controls: {self._steered}"
+        return f"controls set by {self._steered}"
 
     def _shoot(self) -> None:
         """Append the present picture to the film, if there is one."""

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.blowups import explain
 from sph_gym.controllers import ArticleCfl, Controller, TunedCfl, nominal
 from sph_gym.files import atomic_write
 from sph_gym.solver.break_on import BreakOn
@@ -352,13 +353,16 @@ def spread(sim: Simulation, n: int = LOGGED) -> NDArray[Any]:
 
 def _tell_end(report: Report, readings: Readings) -> None:
     """Print why the run ended early."""
+    words = ""
     if report.diverged:
-        print(
-            f"blew up: cause {report.cause}, first in the link {report.link!r}, "
-            f"particle {report.bad_particle}, after {report.n_substeps} substeps of this frame"
-        )
-    if readings.break_on is not None and readings.offender is not None:
-        print(*readings.break_on.describe(readings.offender), sep="\n")
+        words = f"{explain(report)}. It was substep {report.n_substeps} of this frame"
+    if readings.break_on is None or readings.offender is None:
+        print(words)
+        return
+    first, *table = readings.break_on.describe(readings.offender)
+    # the last finite state of a blow-up has no value that would show it
+    print(f"break: {words}. The table is of the last finite state:" if words else first)
+    print(*table, sep="\n")
 
 
 def _heading(logged: NDArray[Any], readings: Readings) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
+from sph_gym.blowups import explain
 from sph_gym.solver.offender import Offender
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.state import Controls
@@ -214,11 +215,10 @@ class History:
 
     def _find_trouble(self, report: Report) -> Trouble | None:
         offender = None if self._offender is None else self._offender()
-        if offender is not None:
+        if offender is not None and not report.diverged:
             return Trouble(offender.particle, f"break: {offender}")
         if report.diverged:
-            text = f"blew up: cause {report.cause}, first in the link {report.link!r}"
-            return Trouble(report.bad_particle, f"{text}, particle {report.bad_particle}")
+            return Trouble(report.bad_particle, explain(report))
         for warning in self.sim.warnings:
             if warning.kind not in self._warned:
                 self._warned.add(warning.kind)

@@ -1,5 +1,6 @@
 """`Window`: a simulation or a recording on the screen; to steer, to go back, to look closer."""
 
+import gc
 import weakref
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -131,6 +132,15 @@ class Window:
         self._history = source if isinstance(source, History) else None
         self._shoot()
         self._redraw()
+        # the collector would look at all that numba has loaded, a tenth of a second every so often
+        gc.freeze()
+        try:
+            self._play()
+        finally:
+            gc.unfreeze()
+            self._is_playing = False
+
+    def _play(self) -> None:
         while not self.closed:
             while event := self._next_event():
                 self._react(event)
@@ -142,7 +152,6 @@ class Window:
             self._go_on()
             self._redraw()
             self._clock.tick(min(1.0 / self.source.state.scene.frame, FASTEST))
-        self._is_playing = False
 
     def wait_until_closed(self) -> None:
         """Leave the last picture on the screen, if there is one; keys that change it still work."""

@@ -32,7 +32,12 @@ STUDIES = (
 def main(arguments: list[str] | None = None) -> int:
     """Carry out a command and return its exit status."""
     try:
-        return _carry_out(arguments)
+        try:
+            return _carry_out(arguments)
+        except SystemExit:
+            # argparse has printed a help, which may still be on its way
+            _flush()
+            raise
     except BrokenPipeError:
         # whoever read the output has enough of it, as `head` has: no fault, and nothing to say
         _point_to_nowhere()
@@ -45,7 +50,7 @@ def _carry_out(arguments: list[str] | None) -> int:
     announce_compilation()
     try:
         status = int(options.function(options))
-        sys.stdout.flush()
+        _flush()
         return status
     except BrokenPipeError:
         raise
@@ -55,6 +60,12 @@ def _carry_out(arguments: list[str] | None) -> int:
     except KeyboardInterrupt:
         print("sph_gym: interrupted", file=sys.stderr)
         return 130
+
+
+def _flush() -> None:
+    """Send what was printed on its way, if there is anywhere to go."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
 
 
 def _point_to_nowhere() -> None:

@@ -235,25 +235,28 @@ def replay(path: str | os.PathLike[str], **style: Any) -> int:
     for line in describe_recording(path, recording):
         print(line)
     window = Window(recording.scene, bounds=recording.bounds, **shown._asdict())
-    tripped = recording.tripped
-    if tripped is None:
-        window.play(recording)
-        return 0
-    recording.go(recording.n - 1)
-    window.paused, particle = True, int(tripped["particle"])
-    window.picked = particle if 0 <= particle < recording.n_fluid else None
-    window.play(recording, str(tripped["message"]).partition("\n")[0])
+    message, tripped = estimates(recording), recording.tripped
+    if tripped is not None:
+        message = f"{tripped['message']}".partition("\n")[0] + (message and f" ({message})")
+        recording.go(recording.n - 1)
+        window.paused, particle = True, int(tripped["particle"])
+        window.picked = particle if 0 <= particle < recording.n_fluid else None
+    window.play(recording, message)
     return 0
 
 
+def estimates(recording: Recording) -> str:
+    """Return which numbers of the scene are estimated, empty if the recording has them all."""
+    names = ", ".join(recording.estimated)
+    return f"not recorded, so estimated: {names}" if names else ""
+
+
 def describe_recording(path: str | os.PathLike[str], recording: Recording) -> list[str]:
-    """Return lines about what is in a recording, and what of it is estimated."""
+    """Return lines about what is in a recording."""
     first, last = recording.time(0), recording.time(recording.n - 1)
     shown = f"{recording.n} {recording.unit}s from t = {first:.6g} s to {last:.6g} s"
     lines = [f"{path}: {recording.scene.name}, {recording.n_fluid} particles, {shown}"]
-    if recording.estimated:
-        lines.append(f"not recorded, so estimated: {', '.join(recording.estimated)}")
-    return lines
+    return [line for line in (*lines, estimates(recording)) if line]
 
 
 def _watch(course: "Course", window: Window) -> None:

@@ -23,6 +23,8 @@ HIT, HIT_PIXELS = 1.0, 8.0
 CLOSEST = 4.0
 # Rings around discs of at least this radius [pixels] are two pixels wide.
 THICK = 4.0
+# Radius of the mark for a particle outside of the picture [pixels].
+STRAY = 10.0
 
 
 def particle_at(state: Shown, layout: Layout, pixel: tuple[float, float]) -> int | None:
@@ -79,6 +81,11 @@ def draw_picked(surface: "Surface", layout: Layout, state: Shown, i: int) -> Non
         return
     inside = surface.subsurface(pygame.Rect(layout.domain))
     centre = layout.pixels(x[i][None])[0]
+    last = np.array(layout.domain[2:]) - 1
+    if (centre < 0).any() or (centre > last).any():
+        # far away: half a disc at the edge that is nearest to it
+        pygame.draw.circle(inside, BAD, np.clip(centre, 0, last).tolist(), STRAY)
+        return
     near, _ = neighbors_of(x, i, scene.h, periods(scene))
     # at the image that is near: across a periodic side they lie on this one
     at = layout.pixels(x[i] + nearest_images(x[near] - x[i], periods(scene)))

@@ -18,8 +18,9 @@ Array = NDArray[Any]
 # Where a recording doesn't tell: support radius [dx], density at rest [kg/m^3], and the sound speed
 # as a multiple of the largest speed.
 SUPPORT, REST_DENSITY, SOUND = 2.6, 1000.0, 10.0
-# The part of space that is shown holds so much of the particles of all moments.
-SEEN = 0.995
+# Strays are left out of the view: what is farther from the others, without this share of them at
+# either end, than so many times their extent.
+TAIL, FAR = 0.05, 1.0
 
 
 class Frames(Protocol):
@@ -119,8 +120,10 @@ class Recording:
         x = x[np.isfinite(x).all(axis=1)]
         if "scene" in self._frames.parameters or not len(x):
             return view_bounds(self.scene)
-        out = (1 - SEEN) / 2
-        low, high = np.quantile(x, out, axis=0), np.quantile(x, 1 - out, axis=0)
+        low, high = np.quantile(x, TAIL, axis=0), np.quantile(x, 1 - TAIL, axis=0)
+        far = np.maximum(FAR * (high - low), 3 * self.scene.dx)
+        x = x[((x >= low - far) & (x <= high + far)).all(axis=1)]
+        low, high = x.min(axis=0), x.max(axis=0)
         margin = np.maximum(SPLASH * (high - low), 3 * self.scene.dx)
         (x_min, y_min), (x_max, y_max) = low - margin, high + margin
         return View(float(x_min), float(x_max), float(y_min), float(y_max))

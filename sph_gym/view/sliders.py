@@ -23,6 +23,8 @@ DT_SPAN, STIFFNESS_SPAN, XSPH_SPAN = (1 / 30, 6.0), (1 / 100, 20.0), (0.0, 1.5)
 XSPH_LIMIT = 1.0
 # Places in a row [em]: its height, the text, and the track.
 ROW, TRACK_TOP, KNOB = 3.3, 2.0, 0.42
+# Height of a row without a track.
+SHORT = 1.5
 
 
 class Slider(NamedTuple):
@@ -132,9 +134,9 @@ class ControlPanel:
                 self._draw_slider(surface, k, slider, state, stable[slider.name])
         else:
             for k, (name, text) in enumerate(_texts(state.controls, state.scene).items()):
-                self._draw_text(surface, k, name, text)
+                self._draw_text(surface, k * SHORT / ROW, name, text)
 
-    def _draw_text(self, surface: "Surface", k: int, name: str, text: str) -> tuple[float, float]:
+    def _draw_text(self, surface: "Surface", k: float, name: str, text: str) -> tuple[float, float]:
         left, top, _, _ = self.area
         y = top + (2.2 + k * ROW + 0.3) * self._em
         end = self._muted.draw(surface, name, left + self._em, y)

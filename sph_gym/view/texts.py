@@ -95,12 +95,12 @@ class Texts:
             text = self._ink.fitted(meaning, box.right - start - em)
             self._ink.draw(surface, text, start, y)
 
-    def draw_message(self, surface: "Surface", area: Area, text: str) -> None:
-        """Draw a message over the lower edge of the picture, in as many lines as it takes."""
+    def draw_message(self, surface: "Surface", area: Area, text: str, above: bool) -> None:
+        """Draw a message into an area, in as many lines as it takes; above: at its upper edge."""
         em, (left, top, width, height) = self._em, area
         lines = self._wrapped(text, width - 2 * em)
         high = round((len(lines) * LINE + 0.8) * em)
-        box = load().Rect(left, top + height - high, width, high)
+        box = load().Rect(left, top if above else top + height - high, width, high)
         surface.fill(DOMAIN, box)
         load().draw.rect(surface, EDGE, box, 1)
         for k, line in enumerate(lines):

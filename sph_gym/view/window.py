@@ -204,10 +204,18 @@ class Window:
         self._timeline.draw(screen, source, self._doing())
         self._texts.draw_line(screen, desk.help, self._notice, self.paused)
         if self._message:
-            self._texts.draw_message(screen, self._painter.layout.domain, self._message)
+            domain = self._painter.layout.domain
+            self._texts.draw_message(screen, domain, self._message, self._is_low(self.picked))
         if self._help:
             self._texts.draw_help(screen)
         load().display.flip()
+
+    def _is_low(self, i: int | None) -> bool:
+        """Return whether particle i is in the lower half of the picture."""
+        if i is None:
+            return False
+        view, y = self._painter.layout.view, float(self.source.state.x[i, 1])
+        return y < (view.y_min + view.y_max) / 2
 
     def _doing(self) -> str:
         doing = "paused" if self.paused else "running"
@@ -235,8 +243,8 @@ class Window:
         source = self.source
         if not source.forward():
             self.paused = True
-            what = "substep: L goes back to the run" if source.unit == "substep" else "one"
-            self._notice = f"this {source.unit} is the last {what}"
+            back = ": L goes back to the run" if isinstance(source, Substeps) else ""
+            self._notice = f"this is the last {source.unit}{back}"
             return
         self._shoot()
         if isinstance(source, History) and source.trouble is not None:

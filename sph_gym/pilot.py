@@ -9,6 +9,7 @@ from sph_gym.controllers import Controller, Network
 from sph_gym.controllers.network import shipped_network
 from sph_gym.env import actions
 from sph_gym.env.observations import Features, Moment, measure
+from sph_gym.env.reference import n_frames
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
@@ -39,7 +40,7 @@ class Pilot:
             now,
             self._before,
             actions.encode(scene, sim.controls),
-            min(sim.time / scene.duration, 1.0),
+            min(sim.time / (n_frames(scene) * scene.frame), 1.0),
             sim.last_report.n_substeps,
             0.0,
         )

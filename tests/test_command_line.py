@@ -53,7 +53,7 @@ def test_run_reads_gauges(tmp_path, capsys):
 def test_run_reports_a_blowup(capsys):
     status = main(["run", "hydrostatic_tank", "--set", "dx=0.08", "--dt", "0.05"])
     assert status == 1
-    assert "blew up: cause cfl" in capsys.readouterr().out
+    assert "the run blew up: the time step was too long (cause cfl)" in capsys.readouterr().out
 
 
 def test_brute_force_gives_the_same_log(capsys):

@@ -63,7 +63,9 @@ class Discs:
         chosen = index[inside]
         self._prepare(chosen)
         sprites = self._sprites[chosen, variant].tolist()
-        surface.fblits(list(zip(sprites, (pixel - self._half).tolist(), strict=True)))
+        # pairs of plain numbers, since 5,000 small lists would keep the garbage collector busy
+        left, top = (pixel - self._half).T.tolist()
+        surface.fblits(list(zip(sprites, zip(left, top, strict=True), strict=True)))
 
     def _prepare(self, chosen: NDArray[Any]) -> None:
         """Draw the discs of the colours that weren't wanted before."""

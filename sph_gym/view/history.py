@@ -1,15 +1,18 @@
 """The states that a window can go back to: exact snapshots of a running simulation."""
 
+import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
+
+import numpy as np
 
 from sph_gym.blowups import explain
 from sph_gym.solver.offender import Offender
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.view.marks import offender_of
-from sph_gym.view.state import Shown
+from sph_gym.view.state import Array, Shown
 
 # So many states are kept, less if they would take more than so many bytes, but at least so many.
 KEPT, ROOM, LEAST = 1000, 2**30, 300
@@ -38,7 +41,7 @@ class Source(Protocol):
     """Moments that can be shown one after the other: of a simulation, or of a recording.
 
     n: moments so far; at: index of the present one; state: the present one; unit: the word for the
-    way from one moment to the next; numbers: measures of a moment by their titles.
+    way from one moment to the next.
     """
 
     unit: str
@@ -58,8 +61,8 @@ class Source(Protocol):
     def time(self, k: int) -> float:
         """Return the time of a moment [s]."""
 
-    def numbers(self, k: int) -> Numbers:
-        """Return the measures of a moment by their titles with units."""
+    def series(self) -> Mapping[str, Array]:
+        """Return (n,) values of every measure over all moments, by titles with units."""
 
     def go(self, k: int) -> None:
         """Make moment k the present one; the nearest there is if there is none."""
@@ -115,6 +118,7 @@ class History:
         self.steer: Steer | None = None
         self._changed = False
         self._entries: list[Entry] = []
+        self._series: dict[str, Array] = {}
         self._at = 0
         self.keep()
 
@@ -142,9 +146,15 @@ class History:
         """Return the time of a moment [s]."""
         return float(self._entries[k].snapshot["time"])
 
-    def numbers(self, k: int) -> Numbers:
-        """Return the measures of a moment by their titles."""
-        return self._entries[k].numbers
+    def series(self) -> Mapping[str, Array]:
+        """Return (n,) values of every measure over all moments, by their titles."""
+        if not self._series:
+            moments = [entry.numbers for entry in self._entries]
+            self._series = {
+                title: np.array([moment.get(title, math.nan) for moment in moments])
+                for title in moments[-1]
+            }
+        return self._series
 
     def keep(self, n_substeps: int = 0, dt: float = 0.0) -> None:
         """Keep the simulation as it is now as the newest moment."""
@@ -158,7 +168,7 @@ class History:
         )
         if len(self._entries) > self._most():
             del self._entries[0]
-        self._at, self._changed = self.n - 1, False
+        self._at, self._changed, self._series = self.n - 1, False, {}
 
     def _most(self) -> int:
         """Return how many moments may be kept."""
@@ -191,6 +201,7 @@ class History:
         if self._rewind is not None and (self._changed or not self.is_newest):
             self._rewind()
         del self._entries[self._at + 1 :]
+        self._series = {}
         if self.steer is not None:
             self.sim.controls = self.steer(self.sim)
         # with the controls that the frame is run with, so that it can be repeated
@@ -277,7 +288,7 @@ class Substeps(History):
                     break
                 self.keep(1, after.dt)
         # the very state of the run: its frames need not end on the last bit of their substeps
-        self._entries[-1] = frames[-1]
+        self._entries[-1], self._series = frames[-1], {}
         sim.last_report = report
         self._at = -1
         self.go(self.n - 1)

@@ -44,13 +44,14 @@ def particle_at(state: Shown, layout: Layout, pixel: tuple[float, float]) -> int
 def describe(state: Shown, i: int) -> list[tuple[str, str]]:
     """Return the numbers of particle i as names and texts with units."""
     columns, scene = columns_of(state), state.scene
+    x, v = state.x, state.v
     wall = i >= state.n_fluid
-    near, distance = neighbors_of(state.x, i, scene.h, periods(scene))
+    near, distance = neighbors_of(x, i, scene.h, periods(scene))
     lines = [
         ("particle", f"{i}, boundary" if wall else f"{i}"),
-        ("x, y", f"{_pair(state.x[i])} m"),
-        ("velocity", f"{_pair(state.v[i])} m/s"),
-        ("speed", f"{_number(np.hypot(*state.v[i]))} m/s"),
+        ("x, y", f"{_pair(x[i])} m"),
+        ("velocity", f"{_pair(v[i])} m/s"),
+        ("speed", f"{_number(np.hypot(*v[i]))} m/s"),
     ]
     if "rho" in columns:
         rho = float(state.rho[i])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sph_gym.solver.scene import Fluid, Scene
 from sph_gym.solver.state import Controls
-from sph_gym.view.history import MEASURES, Numbers
+from sph_gym.view.history import MEASURES
 from sph_gym.view.layout import SPLASH, View, view_bounds
 from sph_gym.view.nearby import surroundings
 from sph_gym.view.state import Still
@@ -69,7 +69,7 @@ class Recording:
         self.estimated: list[str] = []
         self.scene = self._find_scene(told)
         self._walls = self._fixed_walls()
-        self._numbers = self._measure()
+        self._series = self._measure()
         self.tripped: Mapping[str, Any] | None = told.get("tripped")
         self.unit = "frame" if self.tripped is None else "step"
         self._state: Still | None = None
@@ -98,9 +98,9 @@ class Recording:
         """Return the time of a moment [s]."""
         return float(self._frames.times[k])
 
-    def numbers(self, k: int) -> Numbers:
-        """Return the measures of a moment by their titles, and the values of its gauges."""
-        return {title: float(values[k]) for title, values in self._numbers.items()}
+    def series(self) -> Mapping[str, Array]:
+        """Return (n,) values of every measure and every gauge over all moments, by their titles."""
+        return self._series
 
     def go(self, k: int) -> None:
         """Make moment k the present one; the nearest there is if there is none."""

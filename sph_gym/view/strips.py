@@ -1,6 +1,5 @@
 """Numbers over time: one strip each, with a mark at the moment that is shown."""
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +8,7 @@ from sph_gym.view.colors import ARROW, DOMAIN, INK, MUTED, RULE, VELOCITY
 from sph_gym.view.history import Source
 from sph_gym.view.layout import Area
 from sph_gym.view.overlays import significant
+from sph_gym.view.state import Array
 from sph_gym.view.toolkit import Lettering, load
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ class Strips:
     def draw(self, surface: "Surface", source: Source) -> None:
         """Draw the strips of a source."""
         em, (left, top, width, height) = self._em, self._area
-        moments = [source.numbers(k) for k in range(source.n)]
-        titles = list(moments[source.at])
+        series = source.series()
+        titles = list(series)
         room = height - round(2.2 * em)
         n_shown = min(len(titles), max(int(room / (LEAST * em)), 1))
         heading = f"over {source.n} {source.unit}s" if source.n != 1 else f"1 {source.unit}"
@@ -46,16 +46,15 @@ class Strips:
         self._title.draw(surface, text, left + em, top + 0.5 * em)
         each = room // max(n_shown, 1)
         for k, title in enumerate(titles[:n_shown]):
-            values = [moment.get(title, math.nan) for moment in moments]
             place = Area(left + em, top + round(2.0 * em) + k * each, width - 2 * em, each)
-            self._draw_strip(surface, place, title, values, source.at)
+            self._draw_strip(surface, place, title, series[title], source.at)
 
     def _draw_strip(
-        self, surface: "Surface", place: Area, title: str, values: list[float], at: int
+        self, surface: "Surface", place: Area, title: str, values: Array, at: int
     ) -> None:
         pygame, em, (left, top, width, height) = load(), self._em, place
         text, unit = _split(title)
-        now = f"{significant(values[at])} {unit}".strip()
+        now = f"{significant(float(values[at]))} {unit}".strip()
         start = left + width - self._ink.width(now)
         self._ink.draw(surface, now, left + width, top, align=1.0)
         self._muted.draw(surface, self._muted.fitted(text, start - left - 0.5 * em), left, top)
@@ -63,9 +62,8 @@ class Strips:
         scale = round(SCALE * em)
         frame = pygame.Rect(left, top + below, width - scale, max(height - below - em // 3, 3))
         surface.fill(DOMAIN, frame)
-        numbers = np.array(values, float)
-        low, high = _range(numbers)
-        share = (numbers - low) / (high - low)
+        low, high = _range(values)
+        share = (values - low) / (high - low)
         _draw_line(surface, frame, (frame.height - 3) * (1 - share) + 1)
         pygame.draw.rect(surface, RULE, frame, 1)
         mark = frame.left + round((frame.width - 1) * at / max(len(values) - 1, 1))
@@ -89,14 +87,14 @@ def _split(title: str) -> tuple[str, str]:
     return words, unit.rstrip("]") if bracket else ""
 
 
-def _range(numbers: np.ndarray) -> tuple[float, float]:
+def _range(numbers: Array) -> tuple[float, float]:
     """Return the ends of the scale of a strip: the least and the largest number, or zero."""
     finite = numbers[np.isfinite(numbers)]
     low, high = min(finite.min(initial=0.0), 0.0), max(finite.max(initial=0.0), 0.0)
     return float(low), float(high) if high > low else float(low) + 1.0
 
 
-def _draw_line(surface: "Surface", frame: "Rect", y: np.ndarray) -> None:
+def _draw_line(surface: "Surface", frame: "Rect", y: Array) -> None:
     """Draw a line through evenly spaced heights (k,) [pixels], broken where one is no number."""
     pygame = load()
     inside = surface.subsurface(frame)

@@ -226,11 +226,17 @@ def test_numbers_over_time_are_those_of_the_moment():
     sim = simulation()
     past = history(sim, more=lambda: {"height [m]": sim.time})
     past.forward()
-    numbers = past.numbers(1)
+    numbers = {title: values[1] for title, values in past.series().items()}
     assert numbers["height [m]"] == sim.time
     assert numbers["largest speed [m/s]"] == sim.max_speed
     assert numbers["mean density error [%]"] == 100 * sim.diagnostics()["density_error"]
-    assert past.numbers(0)["largest speed [m/s]"] == 0.0
+    assert past.series()["largest speed [m/s]"].tolist() == [0.0, sim.max_speed]
+    past.forward()
+    assert past.series()["height [m]"].tolist() == [past.time(k) for k in range(3)]
+    past.go(0)
+    past.set_controls(sim.controls._replace(xsph=0.0))
+    past.forward()
+    assert len(past.series()["height [m]"]) == 2
 
 
 def test_a_simulation_that_others_run_is_followed():

@@ -67,7 +67,7 @@ def test_what_a_run_saved_looks_like_the_run(saved):
 def test_measures_of_a_recording_are_those_of_the_run(saved):
     sim, path = saved
     recording = Recording(trajectory.read(path))
-    numbers = recording.numbers(recording.n - 1)
+    numbers = {title: values[-1] for title, values in recording.series().items()}
     assert numbers["largest speed [m/s]"] == pytest.approx(sim.max_speed)
     error = 100 * sim.diagnostics()["density_error"]
     assert numbers["mean density error [%]"] == pytest.approx(error)
@@ -112,8 +112,10 @@ def test_what_a_solver_does_not_tell_is_estimated():
 
 
 def test_gauges_are_drawn_over_time_too():
-    numbers = Recording(frames()).numbers(4)
-    assert (numbers["floor x"], numbers["floor y"], numbers["level"]) == (1.0, 1.0, 4.0)
+    series = Recording(frames()).series()
+    np.testing.assert_array_equal(series["floor x"], np.ones(6))
+    np.testing.assert_array_equal(series["floor y"], np.ones(6))
+    np.testing.assert_array_equal(series["level"], np.arange(6))
 
 
 def test_the_view_holds_all_moments_but_no_strays():
@@ -135,7 +137,7 @@ def test_numbers_that_are_none_are_shown_as_such():
     recording.go(recording.n - 1)
     for name in available(recording.state):
         Painter(recording.scene, 480, name, bounds=recording.bounds).paint(recording.state)
-    assert np.isnan(recording.numbers(recording.n - 1)["largest speed [m/s]"])
+    assert np.isnan(recording.series()["largest speed [m/s]"][-1])
 
 
 def test_what_watch_wrote_is_opened(tmp_path):

@@ -373,7 +373,7 @@ def test_a_program_gets_its_simulation_back_as_it_was(window, sim):
     assert Controls(*before["controls"]) == Controls(*after["controls"])
     for name, column in before["fluid"].items():
         np.testing.assert_array_equal(column, after["fluid"][name])
-    assert window.source.numbers(1)["reward"] == pytest.approx(2 * sim.scene.frame)
+    assert window.source.series()["reward"][1] == pytest.approx(2 * sim.scene.frame)
 
 
 def test_a_program_that_is_looked_at_in_the_past_goes_on_from_the_present(window, sim, monkeypatch):

@@ -74,15 +74,17 @@ class Source(Protocol):
 class Entry(NamedTuple):
     """A kept moment.
 
-    snapshot: of the simulation; numbers: by title; n_substeps, dt: how many [s] it took to come
-    here from the moment before, 0 at the start; steer: the controller that set the controls.
+    snapshot: of the simulation; numbers: by title; controls: with which it came here; n_substeps,
+    dt: how many steps of how many seconds it took from the moment before, 0 if that is not known;
+    steer: the controller that set the controls.
     """
 
     snapshot: dict[str, Any]
     numbers: Numbers
-    n_substeps: int = 0
-    dt: float = 0.0
-    steer: Steer | None = None
+    controls: Controls
+    n_substeps: int
+    dt: float
+    steer: Steer | None
 
 
 class History:
@@ -163,9 +165,11 @@ class History:
             f"{title} [{unit}]": factor * found[name]
             for name, (title, factor, unit) in MEASURES.items()
         }
-        self._entries.append(
-            Entry(self.sim.snapshot(), numbers | dict(self._more()), n_substeps, dt, self.steer)
+        sim = self.sim
+        entry = Entry(
+            sim.snapshot(), numbers | dict(self._more()), sim.controls, n_substeps, dt, self.steer
         )
+        self._entries.append(entry)
         if len(self._entries) > self._most():
             del self._entries[0]
         self._at, self._changed, self._series = self.n - 1, False, {}
@@ -216,7 +220,14 @@ class History:
 
     def follow(self) -> None:
         """Keep the present state of a simulation that others run, unless it is kept already."""
-        if self.sim.time != self.time(self.n - 1):
+        report, newest = self.sim.last_report, self._entries[-1]
+        passed = self.sim.time - float(newest.snapshot["time"])
+        if passed == 0:
+            # others may have changed it all the same
+            self._entries[-1] = newest._replace(snapshot=self.sim.snapshot())
+        elif math.isclose(passed, report.n_substeps * report.dt, rel_tol=1e-6):
+            self.keep(report.n_substeps, report.dt)
+        else:
             self.keep()
 
     @property
@@ -244,11 +255,12 @@ class History:
     def last_substeps(self, n: int = SUBSTEPS) -> "Substeps":
         """Return the last n substeps up to the present moment, by running them once more.
 
-        Fewer if the moments that are kept don't go back so far. The simulation is at the present
+        Fewer if the moments that are kept don't go back so far, or if it isn't known how others
+        came from one to the next. The simulation is at the present
         moment afterwards.
         """
         first, found = self._at, 0
-        while first > 0 and found < n:
+        while first > 0 and found < n and self._entries[first].n_substeps > 0:
             found += self._entries[first].n_substeps
             first -= 1
         return Substeps(self, first, found - n)
@@ -275,8 +287,8 @@ class Substeps(History):
         super().__init__(sim)
         for before, after in pairwise(frames):
             sim.restore(before.snapshot)
-            # that of the frame was snapped down to a whole number of steps
-            sim.controls = sim.controls._replace(dt=after.dt or sim.controls.dt)
+            # the step of the frame was snapped down to a whole number of them
+            sim.controls = after.controls._replace(dt=after.dt)
             skip = min(max(skipped, 0), after.n_substeps - 1)
             skipped -= skip
             if skip > 0:

@@ -248,3 +248,43 @@ def test_a_simulation_that_others_run_is_followed():
     past.follow()
     past.follow()
     assert past.n == 2
+
+
+def test_what_others_change_between_two_frames_is_kept():
+    sim = simulation()
+    past = History(sim)
+    sim.advance(0.01)
+    past.follow()
+    sim.controls = sim.controls._replace(stiffness=2 * sim.controls.stiffness)
+    past.follow()
+    before = bits(sim)
+    past.go(0)
+    past.go(1)
+    assert past.n == 2
+    assert bits(sim) == before
+
+
+def test_substeps_of_what_others_ran_are_run_with_their_controls():
+    sim, twin = simulation(), simulation()
+    past = History(sim)
+    for each in (sim, twin):
+        each.controls = each.controls._replace(stiffness=2 * each.controls.stiffness, dt=5e-4)
+    sim.advance(sim.scene.frame)
+    past.follow()
+    n, dt = sim.last_report[:2]
+    steps = past.last_substeps()
+    assert steps.n == n + 1
+    steps.go(n - 1)
+    twin.controls = twin.controls._replace(dt=dt)
+    twin.advance((n - 1) * dt)
+    np.testing.assert_allclose(sim.x, twin.x, rtol=1e-9)
+    np.testing.assert_allclose(sim.p, twin.p, rtol=1e-6, atol=1e-6)
+
+
+def test_substeps_are_unknown_where_others_ran_on_in_parts():
+    sim = simulation()
+    past = History(sim)
+    for _ in range(3):
+        sim.advance(0.005)
+    past.follow()
+    assert past.last_substeps().n == 1

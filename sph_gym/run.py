@@ -39,6 +39,9 @@ CONTROLLERS: dict[str, Controller] = {
 }
 
 
+BAD_START = "before the first step, the start is bad already:"
+
+
 class PictureStyle(NamedTuple):
     """The colour and arrows of a picture; as for `Painter`."""
 
@@ -269,14 +272,19 @@ def _watch(course: "Course", window: Window) -> None:
         more=lambda: dict(zip(readings.columns, readings.rows[-1][1:], strict=True)),
         offender=lambda: readings.offender,
     )
-    window.play(history)
+    offender, message = readings.offender, ""
+    if offender is not None:
+        window.paused, window.picked = True, offender.particle
+        message = f"{BAD_START} {offender}"
+    window.play(history, message)
 
 
 class Course:
     """A run frame by frame: each is logged, printed and recorded.
 
     until: the time at which it ends [s], unless a break or a blow-up ends it before; n_logged,
-    readings: as for `run`; recorder: of the start and every frame. Iterating runs to the end.
+    readings: as for `run`; recorder: of the start and every frame. Iterating runs to the end. What
+    there is to break on is looked for before the first step, too.
     """
 
     def __init__(
@@ -296,6 +304,17 @@ class Course:
         print("  ".join([_heading(self._logged, readings), *readings.heading()]))
         self._tell()
         self._record()
+        self._look_at_start()
+
+    def _look_at_start(self) -> None:
+        """End the run before its first step if there is an offender: no step is to blame for it."""
+        readings = self.readings
+        if readings.break_on is not None:
+            readings.offender = readings.break_on.find()
+        if readings.offender is not None:
+            self._ended = True
+            print(BAD_START)
+            _tell_end(self.sim.last_report, readings)
 
     def __iter__(self) -> Iterator[None]:
         while self.advance() is not None:

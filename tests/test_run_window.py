@@ -13,8 +13,8 @@ from sph_gym.controllers import Network
 from sph_gym.controllers.network import shipped_network
 from sph_gym.doctor import Tripped, watch
 from sph_gym.pilot import Pilot, pilots
-from sph_gym.run import CONTROLLERS, Course, Readings
-from sph_gym.solver import failure
+from sph_gym.run import BAD_START, CONTROLLERS, Course, Readings
+from sph_gym.solver import break_on, failure
 from sph_gym.solver.gauges import Gauge
 from sph_gym.solver.report import Report
 from sph_gym.view import Window
@@ -78,6 +78,21 @@ def test_break_on_freezes_the_window_and_the_exit_status_tells(script, capsys):
     assert f"particle {seen[0][0]}, in the link" in printed
     assert seen[0][1] == "substep"
     assert seen[0][2] in printed
+
+
+def test_a_bad_start_is_shown_before_the_first_step(script, monkeypatch):
+    monkeypatch.setattr(break_on, "DENSEST", 0.5)
+    seen = []
+
+    def look(window):
+        seen.append((window.picked, window.source.n, window._message))
+        return [pygame.K_q]
+
+    script([look])
+    assert main([*DAM, "--break-on", "density"]) == 1
+    ((picked, n, message),) = seen
+    assert n == 1
+    assert message.startswith(f"{BAD_START} particle {picked}, ")
 
 
 def test_the_window_hands_over_to_every_controller(script, capsys):

@@ -1,6 +1,7 @@
 """Trained networks as controllers of a run that is no environment: they see what an agent sees."""
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,19 @@ ALGORITHMS = ("ppo", "sac")
 class Pilot:
     """Sets the controls as a network with absolute actions does in the environment of a scene.
 
-    network: takes the 20 features and returns 3 coordinates. It has to be called once a frame.
+    network: takes the `Features` and returns 3 coordinates. It has to be called once a frame.
+    Raises ValueError for a network that takes or returns other numbers.
     """
 
     def __init__(self, network: Network) -> None:
         self._network, self._features = network, Features()
+        sizes = network.weights[0].shape[1], network.weights[-1].shape[0]
+        wanted = len(self._features.rows), 3
+        if sizes != wanted or network.squash == "none":
+            raise ValueError(
+                f"network: expected {wanted[0]} features in and {wanted[1]} coordinates out, got "
+                f"{sizes[0]} and {sizes[1]}, squashed by {network.squash!r}"
+            )
         self._sim: Simulation | None = None
         self._before: dict[str, float] = {}
         self._when = math.nan
@@ -50,10 +59,14 @@ class Pilot:
 
 
 def pilots(scene: Scene) -> dict[str, Controller]:
-    """Return the networks that the package has for a scene, by names such as "ppo network"."""
+    """Return the networks that the package has for a scene, by names such as "ppo network".
+
+    Those of environments with other observations are left out.
+    """
     found: dict[str, Controller] = {}
     for algorithm in ALGORITHMS:
         path = shipped_network(algorithm, scene.name)
         if path.is_file():
-            found[f"{algorithm} network"] = Pilot(Network.load(path))
+            with suppress(ValueError):
+                found[f"{algorithm} network"] = Pilot(Network.load(path))
     return found

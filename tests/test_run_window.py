@@ -212,6 +212,13 @@ def test_a_network_steers_a_run_as_it_steers_the_environment(algorithm):
         np.testing.assert_allclose(sim.controls, env.sim.controls, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("n_in", "n_out", "squash"), [(7, 3, "clip"), (20, 2, "clip")])
+def test_networks_of_other_environments_are_refused(n_in, n_out, squash):
+    weights, biases = np.zeros((n_out, n_in), np.float32), np.zeros(n_out, np.float32)
+    with pytest.raises(ValueError, match=f"network: expected .*, got {n_in} and {n_out}"):
+        Pilot(Network((weights,), (biases,), "tanh", squash))
+
+
 def test_scenes_without_a_network_have_no_pilot():
     assert pilots(scenes.make("relaxation", dx=0.1)) == {}
     assert set(pilots(scenes.make("dam_break", dx=0.1))) == {"ppo network", "sac network"}

@@ -10,8 +10,8 @@ from sph_gym import Simulation, TuningEnv, scenes, trajectory
 from sph_gym.__main__ import main
 from sph_gym.blowups import CAUSES, explain
 from sph_gym.controllers import Network
-from sph_gym.controllers.network import shipped_network
 from sph_gym.doctor import Tripped, watch
+from sph_gym.env.observations import Features
 from sph_gym.pilot import Pilot, pilots
 from sph_gym.run import BAD_START, CONTROLLERS, Course, Readings
 from sph_gym.solver import break_on, failure
@@ -102,7 +102,7 @@ def test_the_window_hands_over_to_every_controller(script, capsys):
         seen.append(window._steered)
         return [pygame.K_h, pygame.K_s]
 
-    names = [*CONTROLLERS, "ppo network", "sac network"]
+    names = [*CONTROLLERS, *pilots(scenes.make("dam_break", dx=0.05))]
     script([look] * (len(names) + 2))
     assert main([*DAM, "--seconds", "0.05"]) == 0
     assert seen == ["you", *names, "you"]
@@ -198,12 +198,16 @@ def test_a_run_that_had_ended_goes_on_after_it_went_back():
     assert course.advance().n_substeps > 0
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_a_network_steers_a_run_as_it_steers_the_environment(algorithm):
+def random_network(n_in, n_out=3, squash="clip"):
+    generator = np.random.default_rng(1)
+    weights = generator.normal(0.0, 0.2, (n_out, n_in)).astype(np.float32)
+    return Network((weights,), (np.zeros(n_out, np.float32),), "tanh", squash)
+
+
+def test_a_network_steers_a_run_as_it_steers_the_environment():
     env = TuningEnv("dam_break", dx=0.05)
     observation, _ = env.reset(seed=0)
-    scene = env.sim.scene
-    network = Network.load(shipped_network(algorithm, "dam_break"))
+    scene, network = env.sim.scene, random_network(len(observation))
     sim, steer = Simulation(scene), Pilot(network)
     for _ in range(5):
         observation, *_ = env.step(network(observation))
@@ -212,16 +216,23 @@ def test_a_network_steers_a_run_as_it_steers_the_environment(algorithm):
         np.testing.assert_allclose(sim.controls, env.sim.controls, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("n_in", "n_out", "squash"), [(7, 3, "clip"), (20, 2, "clip")])
+@pytest.mark.parametrize(
+    ("n_in", "n_out", "squash"),
+    [(7, 3, "clip"), (len(Features().rows), 2, "clip"), (len(Features().rows), 3, "none")],
+)
 def test_networks_of_other_environments_are_refused(n_in, n_out, squash):
-    weights, biases = np.zeros((n_out, n_in), np.float32), np.zeros(n_out, np.float32)
     with pytest.raises(ValueError, match=f"network: expected .*, got {n_in} and {n_out}"):
-        Pilot(Network((weights,), (biases,), "tanh", squash))
+        Pilot(random_network(n_in, n_out, squash))
 
 
-def test_scenes_without_a_network_have_no_pilot():
+def test_networks_of_the_package_that_fit_are_pilots(monkeypatch, tmp_path):
+    n_in = len(Features().rows)
+    random_network(n_in).save(tmp_path / "ppo_dam_break.npz")
+    random_network(n_in + 1).save(tmp_path / "sac_dam_break.npz")
+    place = "sph_gym.pilot.shipped_network"
+    monkeypatch.setattr(place, lambda name, scene: tmp_path / f"{name}_{scene}.npz")
+    assert set(pilots(scenes.make("dam_break", dx=0.1))) == {"ppo network"}
     assert pilots(scenes.make("relaxation", dx=0.1)) == {}
-    assert set(pilots(scenes.make("dam_break", dx=0.1))) == {"ppo network", "sac network"}
 
 
 def test_every_cause_of_a_blow_up_is_explained():

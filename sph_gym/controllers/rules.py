@@ -1,12 +1,16 @@
 """Rules that set the controls from the present state of the solver."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from sph_gym.solver.integrators import VISCOUS_SHARES
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
+
+# Artificial viscosity of the article's scenes, and the epsilons of the tuned rule.
+USUAL_ALPHA, XSPH_RANGE = 0.02, (0.1, 0.6)
 
 Controller = Callable[[Simulation], Controls]
 
@@ -56,27 +60,91 @@ class ArticleCfl:
 class TunedCfl:
     """A CFL rule as a practitioner would tune it, and the unit in which work is counted.
 
-    The sound speed follows the flow, c = max(`mach` v_max, `floor` c0), and the step follows the
-    sound speed: 1 / dt = c / (`courant` h) + the viscous rates, since waves and friction share
-    one stability limit. A Courant multiple of 1.0 is beyond what symplectic Euler can take, and
-    at 0.9 some impacts squeeze the water so hard that the step is too long for it.
+    The sound speed follows the flow, c = max(`mach` v, `fastest` v_max, `floor` c0), where v is the
+    flow speed without velocity noise (`Simulation.diagnostics`): a rule that follows the fastest
+    particle alone stiffens a noisy fluid, which makes it noisier still. The step follows the sound
+    speed: 1 / dt = c / (`courant` h) + the viscous rates, since waves and friction share one
+    stability limit. A Courant multiple of 1.0 is beyond what symplectic Euler can take, and at 0.8
+    some impacts squeeze weakly damped water so hard that the step is too long for it.
+
+    Epsilon makes up for a lack of artificial viscosity: it is `xsph` where alpha is that of the
+    article's scenes, and `xsph_slope` larger for every decade below, within XSPH_RANGE.
     """
 
-    courant: float = 0.8
+    courant: float = 0.75
     mach: float = 8.0
-    floor: float = 0.4
+    fastest: float = 5.0
+    floor: float = 0.42
+    xsph: float = 0.45
+    xsph_slope: float = 0.3
 
     def __call__(self, sim: Simulation) -> Controls:
         """Return the controls for the present state."""
         scene, h = sim.scene, sim.scene.h
-        c = max(self.mach * sim.max_speed, self.floor * scene.fluid.c0)
+        numbers = sim.diagnostics()
+        follow = max(self.mach * numbers["flow_speed"], self.fastest * numbers["max_speed"])
+        c = max(follow, self.floor * scene.fluid.c0)
         nu = scene.effects.laminar_viscosity or 0.0
         alpha = scene.effects.artificial_viscosity or 0.0
         # the continuum's nu is alpha c0 h / 8, but the shortest waves feel twice as much
         damping = alpha * scene.fluid.c0 / (4 * h * damping_share(scene))
         friction = nu / (scene.viscous_share * h * h) + damping
         dt = min(1 / (c / (self.courant * h) + friction), scene.surface_dt)
-        return Controls(dt, scene.fluid.stiffness(c), sim.nominal_controls.xsph)
+        return Controls(dt, scene.fluid.stiffness(c), self.smoothing(alpha))
+
+    def smoothing(self, alpha: float) -> float:
+        """Return the epsilon for the alpha of an artificial viscosity, 0 for none."""
+        low, high = XSPH_RANGE
+        decades = math.log10(USUAL_ALPHA / alpha) if alpha > 0 else math.inf
+        return min(max(self.xsph + self.xsph_slope * decades, low), high)
+
+
+# Noise at which the adaptive rule takes the smallest and the largest epsilon, and these.
+QUIET, LOUD = 0.004, 0.015
+SMOOTHING = (0.12, 0.62)
+# Calls over which noise is remembered, and the least mean squared velocity that it is a share of
+# [(c0 / 10)^2], so that water at rest isn't all noise.
+MEMORY, STILL = 20, 1e-3
+
+
+class AdaptiveRule:
+    """The tuned rule with an epsilon that follows the noise: much where the fluid is a gas.
+
+    It remembers the noise of a run, to be called once a frame; at time 0 it begins anew.
+    """
+
+    def __init__(self, rule: TunedCfl = TunedCfl()) -> None:  # noqa: B008
+        self.rule, self.noise, self.calls = rule, 0.0, 0
+
+    def __call__(self, sim: Simulation) -> Controls:
+        """Return the controls for the present state."""
+        if sim.time == 0.0:
+            self.noise, self.calls = 0.0, 0
+        numbers = sim.diagnostics()
+        self.noise = remembered(self.noise, noise_share(sim, numbers), self.calls)
+        self.calls += 1
+        return self.rule(sim)._replace(xsph=smoothing(self.noise))
+
+
+def smoothing(noise: float) -> float:
+    """Return the epsilon for a noise as a share of the mean squared velocity."""
+    place = math.log(max(noise, QUIET) / QUIET) / math.log(LOUD / QUIET)
+    low, high = SMOOTHING
+    return low + (high - low) * min(place, 1.0)
+
+
+def noise_share(sim: Simulation, numbers: Mapping[str, float]) -> float:
+    """Return the mean squared velocity noise as a share of the mean squared velocity.
+
+    numbers: the diagnostics of the present state.
+    """
+    speed2 = 2 * numbers["kinetic_energy"] / (sim.mass * sim.n_fluid)
+    return numbers["velocity_noise"] / (speed2 + STILL * (sim.scene.fluid.c0 / 10) ** 2)
+
+
+def remembered(old: float, new: float, calls: float) -> float:
+    """Return the memory of noise after `calls` earlier ones: their mean, forgetting the oldest."""
+    return old + (new - old) / min(calls + 1.0, MEMORY)
 
 
 def damping_share(scene: Scene) -> float:

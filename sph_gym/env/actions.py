@@ -21,9 +21,11 @@ from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
 
+# Version of what actions mean, for networks: a change of any range below needs a new one.
+VERSION = 2
 COURANT = (0.2, 1.25)
 SOUND = (0.1, 1.25)
-XSPH = (0.0, 0.6)
+XSPH = (0.0, 1.0)
 LOG_COURANT, LOG_SOUND = ((math.log(low), math.log(high)) for low, high in (COURANT, SOUND))
 # How far an action may be beyond its bounds. `RescaleAction` of Gymnasium computes in single
 # precision: of 40,000 ends of random spaces within [-5, 6], 0.5 % are off by more than 1e-6, none

@@ -8,29 +8,32 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym import scenes
+from sph_gym.env import contexts
+from sph_gym.env.contexts import Context
 from sph_gym.scenes.dam_break import draw_flooded_obstacle
 from sph_gym.scenes.shared.family import FlowFamily
 
 # By the names of the environments, in the order of the scenes.
 FAMILIES: dict[str, FlowFamily] = {
-    family.name: family for family in map(scenes.family, scenes.names()) if family is not None
+    family.scene: family for family in map(scenes.family, scenes.names()) if family is not None
 }
 # The numbers of the sets are part of the seeds, never to be changed.
 SPLITS = {"nominal": 0, "test": 1, "train": 2, "val": 3, "ood": 4}
+# A context is drawn by a generator of its own, so that flows don't hang on how contexts are drawn.
+CONTEXT = 1
 # Shifts of the instances of "ood", in turns.
-SHIFTS = ("resolution", "strength", "viscosity", "scene")
+SHIFTS = (
+    "resolution", "strength", "scene", "viscosity", "between", "beyond", "kernel", "integrator",
+)  # fmt: skip
 FINER = 0.7
 
 
 class Drawn(NamedTuple):
-    """All that makes a flow: a scene, its arguments, and a change of the scene.
-
-    viscosity: laminar, in multiples of h c0; None leaves the scene's own.
-    """
+    """All that makes a flow: a scene, its arguments, and the numerics; None leaves the scene's."""
 
     builder: str
     arguments: dict[str, Any]
-    viscosity: float | None = None
+    context: Context | None = None
 
 
 def draw(name: str, split: str, number: int, dx: float) -> Drawn:
@@ -44,21 +47,25 @@ def draw(name: str, split: str, number: int, dx: float) -> Drawn:
         return Drawn(family.scene, arguments)
     rng = np.random.default_rng([family.seed, SPLITS[split], number])
     arguments |= family.draw(rng, dx)
-    if split == "ood":
-        return _shifted(family, arguments, SHIFTS[number % len(SHIFTS)], rng)
-    return Drawn(family.scene, arguments)
+    numerics = np.random.default_rng([family.seed, SPLITS[split], number, CONTEXT])
+    context = contexts.draw(numerics, number)
+    if split != "ood":
+        return Drawn(family.scene, arguments, context)
+    shift = SHIFTS[number % len(SHIFTS)]
+    context = contexts.shifted(numerics, number // len(SHIFTS), shift, context)
+    return _shifted(family, arguments, shift, rng)._replace(context=context)
 
 
 def _shifted(
     family: FlowFamily, arguments: dict[str, Any], shift: str, rng: np.random.Generator
 ) -> Drawn:
-    """Return the flow with a property that no other set has."""
+    """Return the flow with a property that no other set has, unless the shift is of numerics."""
     dx = arguments["dx"]
     if shift == "resolution":
         return Drawn(family.scene, arguments | {"dx": FINER * dx})
     if shift == "strength":
         name, low, high = family.odd
         return Drawn(family.scene, arguments | {name: rng.uniform(low, high)})
-    if shift == "viscosity":
-        return Drawn(family.scene, arguments, rng.uniform(0.003, 0.01))
-    return Drawn("dam_break", {"dx": dx} | draw_flooded_obstacle(rng, dx))
+    if shift == "scene":
+        return Drawn("dam_break", {"dx": dx} | draw_flooded_obstacle(rng, dx))
+    return Drawn(family.scene, arguments)

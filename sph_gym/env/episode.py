@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from sph_gym.env import actions, rewards
+from sph_gym.env import actions, contexts, rewards
 from sph_gym.env.observations import Moment, measure
 from sph_gym.env.reference import n_frames, reference
 from sph_gym.env.rules import Rules
@@ -18,7 +18,10 @@ from sph_gym.solver.simulation import Report, Simulation
 # The entries of info: unit ("text" for strings) and meaning.
 INFO = {
     "instance_id": ("text", "which flow the episode shows"),
+    "context": ("text", "noisy, damped or plain: how strong the artificial viscosity is"),
     "blowup_cause": ("text", "cfl, stiffness, clumping, tunnelling, energy or nan; else empty"),
+    "alpha": ("-", "strength of the artificial viscosity"),
+    "support": ("-", "support radius / dx"),
     "time": ("s", "physical time of the state; of the blow-up in a step that is taken back"),
     "dt": ("s", "time step; a whole number of them fits into a frame"),
     "stiffness": ("Pa", "Tait's B"),
@@ -27,6 +30,7 @@ INFO = {
     "work": ("-", "n_substeps / mean substeps a step of the tuned CFL rule on this instance"),
     "density_error": ("-", "mean of max(rho/rho0 - 1, 0)"),
     "clumping": ("-", "share of particles closer than 0.6 dx to another one"),
+    "noise": ("-", "mean squared velocity noise in multiples of (c0 / 10)^2"),
     "fidelity_error": ("-", "drift from the reference in multiples of its tolerance"),
     "error": ("-", "the largest error in multiples of its tolerance"),
     "cost": ("-", "1 where an error is beyond its tolerance or the solver blew up, else 0"),
@@ -67,7 +71,7 @@ class Episode:
         self.rules, self.instance_id, self.scene = rules, instance_id, scene
         self.sim = Simulation(scene, threads=threads)
         self.n_steps, self.step, self.over = n_frames(scene), 0, False
-        self.reference = reference(scene, instance_id)
+        self.reference, self.context = reference(scene, instance_id), contexts.of(scene)
         fluid_mass = self.sim.mass * self.sim.n_fluid
         self._judge = rewards.Judge(self.reference, scene, fluid_mass, rules.limits)
         self.coordinates = actions.encode(scene, self.sim.controls)
@@ -75,7 +79,7 @@ class Episode:
         self._report = Report(0, self.sim.controls.dt)
         self._rollbacks, self._control_work = 0, 0.0
         self._safe: dict[str, Any] | None = None
-        self.info = self._inform(0.0, rewards.Errors(0.0, 0.0, 0.0), [0.0] * len(rewards.TERMS))
+        self.info = self._inform(0.0, rewards.Errors(0.0, 0.0, 0.0, 0.0), [0.0] * len(rewards.TERMS))
 
     # --- a step -----------------------------------------------------------------------------
 
@@ -98,7 +102,7 @@ class Episode:
     def conclude(self, report: Report) -> StepResult:
         """Return the result of the step, once the simulation has advanced by a frame."""
         self._report = report
-        self._before, self._numbers = self._numbers, measure(self.sim)
+        self._before, self._numbers = self._numbers, measure(self.sim, self._numbers)
         errors = self._judge.errors(self.step + 1, self._numbers)
         work = report.n_substeps / self.reference.cfl_substeps
         taken_back = report.diverged and self._rollbacks < self.rules.rollbacks
@@ -131,6 +135,7 @@ class Episode:
                 min(self.step / self.n_steps, 1.0),
                 self._report.n_substeps,
                 self._rollbacks / max(self.rules.rollbacks, 1),
+                self.context,
             )
         )
 
@@ -138,7 +143,10 @@ class Episode:
         controls, report, worst = self.sim.controls, self._report, max(errors)
         return {
             "instance_id": self.instance_id,
+            "context": self.context.kind,
             "blowup_cause": report.cause,
+            "alpha": self.context.alpha,
+            "support": self.context.support,
             "time": self.sim.time,
             "dt": report.dt,
             "stiffness": controls.stiffness,
@@ -147,6 +155,7 @@ class Episode:
             "work": work,
             "density_error": self._numbers["density_error"],
             "clumping": self._numbers["clumping"],
+            "noise": self._numbers["velocity_noise"] / (self.scene.fluid.c0 / 10) ** 2,
             "fidelity_error": errors.fidelity,
             "error": worst,
             "cost": float(report.diverged or worst > 1.0),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from sph_gym.env import instances, manifest
+from sph_gym.env import contexts, instances, manifest
 from sph_gym.env.distributions import FAMILIES, SPLITS
 from sph_gym.env.fingerprint import fingerprint
 from sph_gym.solver.scene import Scene
@@ -19,7 +19,7 @@ class Identity(NamedTuple):
     - `shift`: what is out of distribution, of `instances.SHIFTS`; empty but in "ood"
     - `builder`: the scene that shows it, as `sph_gym.scenes.make` knows it; empty if it is your own
     - `arguments`: of the builder, lengths in metres
-    - `viscosity`: laminar, in multiples of h c0, instead of the builder's own; None leaves that
+    - `context`: the numerics (`sph_gym.env.contexts.Context`)
     - `seed`: of the generator that drew it, as `numpy.random.default_rng` takes it; empty if
       nothing was drawn
     - `fingerprint`: a hash of the particles, the fluid, the effects, the walls and the duration
@@ -33,7 +33,7 @@ class Identity(NamedTuple):
     shift: str
     builder: str
     arguments: Mapping[str, Any]
-    viscosity: float | None
+    context: Mapping[str, Any]
     seed: tuple[int, ...]
     fingerprint: str
     manifest: str
@@ -44,13 +44,13 @@ def identify(instance_id: str, scene: Scene) -> Identity:
 
     A Scene of one's own has an id that `instances.parse` doesn't know, and no instances.
     """
-    found = fingerprint(scene)
+    found, numerics = fingerprint(scene), contexts.of(scene)._asdict()
     name, split, *_ = instance_id.rsplit("/", 2)
     if split == instances.CUSTOM:
-        return Identity(instance_id, name, split, None, "", "", {}, None, (), found, "")
+        return Identity(instance_id, name, split, None, "", "", {}, numerics, (), found, "")
     flow, entry = instances.parse(instance_id), manifest.entry(instance_id)
     listed = entry is not None and entry.fingerprint == found
-    builder, arguments, viscosity = flow.drawn
+    builder, arguments, _ = flow.drawn
     drawn = flow.split != "nominal"
     return Identity(
         instance_id,
@@ -60,7 +60,7 @@ def identify(instance_id: str, scene: Scene) -> Identity:
         instances.shift(instance_id),
         builder,
         dict(arguments),
-        viscosity,
+        numerics,
         (FAMILIES[flow.scene].seed, SPLITS[flow.split], flow.number) if drawn else (),
         found,
         manifest.VERSION if listed else "",

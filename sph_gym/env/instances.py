@@ -22,14 +22,18 @@ PURPOSES = {
     "train": "to learn from and to search on",
     "val": "to choose between what was learned",
     "test": "to compare agents on, and for nothing else",
-    "ood": "to see what happens out of the distribution, in four ways, in turns",
+    "ood": "to see what happens out of the distribution, in eight ways, in turns",
 }
 # Descriptions of the shifts of "ood".
 ODD = {
     "resolution": "a finer spacing",
     "strength": "another strength of what drives the flow",
-    "viscosity": "a viscous fluid",
     "scene": "another scene, a dam break onto a wet bed with an obstacle",
+    "viscosity": "a viscous fluid",
+    "between": "artificial viscosity between the two ends",
+    "beyond": "artificial viscosity beyond the two ends",
+    "kernel": "a matched kernel instead of the article's",
+    "integrator": "another integrator",
 }
 
 BENCHMARK = "cheap tricks lose to the tuned CFL rule: `python -m sph_gym study exploits`"
@@ -72,14 +76,12 @@ class Instance(NamedTuple):
 
     def build(self) -> Scene:
         """Return the scene itself, its frame one step of the environment."""
-        builder, arguments, viscosity = self.drawn
+        builder, arguments, context = self.drawn
         built = scenes.make(builder, **arguments)
-        effects = built.effects
-        if viscosity is not None:
-            effects = replace(effects, laminar_viscosity=viscosity * built.h * built.fluid.c0)
         family = scenes.family(builder)
         frames = 1.0 if family is None else family.frames_per_step
-        return replace(built, effects=effects, frame=frames * built.frame)
+        framed = replace(built, frame=frames * built.frame)
+        return framed if context is None else context.apply(framed)
 
 
 def label(scene: str) -> str:

@@ -1,14 +1,14 @@
 """Manifests: the meaning of the ids of instances, and their references, as data that is shipped.
 
 Every environment has NAME.json, with what makes each flow and the fingerprint of the scene that it
-made, and NAME.npz, with all references one after the other. `python -m sph_gym manifest` writes
-them. On top of NAME.json are the version of the ids, digests of flows and references, so that none
+made, and NAME.npz, with all references one after the other, rounded to ROUNDED parts of the largest
+value that a quantity has in its flow. `python -m sph_gym manifest` writes them. On top of NAME.json are the version of the ids, digests of flows and references, so that none
 changes unseen, and a hash of the sources that computed the references.
 """
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,16 +16,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.env.contexts import Context
 from sph_gym.env.distributions import Drawn
 from sph_gym.files import atomic_write
 
 FOLDER = Path(__file__).parent / "manifests"
 # Version of the meaning of the ids: a change of any flow or reference needs a new one. Manifests
 # of another version are not read.
-VERSION = "v0"
+VERSION = "v1"
 DIGESTS = ("flows", "references")
-# Columns that have no row for every frame.
-_PER_FLOW = ("offsets", "cfl_substeps")
+# A reference is rounded to so many parts of its largest value, below a hundredth of a tolerance.
+ROUNDED = 2**14 - 1
+
+
+# Quantities of a reference, and how many numbers each is in a frame.
+ROWS = {"com": 2, "extent": 2, "kinetic": 1, "clumping": 1, "noise": 1, "spread": 5}
 
 
 class Entry(NamedTuple):
@@ -36,9 +41,21 @@ class Entry(NamedTuple):
 
     def row(self) -> dict[str, Any]:
         """Return the flow as JSON data."""
-        builder, arguments, viscosity = self.drawn
+        builder, arguments, context = self.drawn
         row = {"scene": builder, "arguments": arguments, "hash": self.fingerprint}
-        return row if viscosity is None else row | {"viscosity": viscosity}
+        return row if context is None else row | {"context": _changed(context)}
+
+    @staticmethod
+    def of(row: Mapping[str, Any]) -> "Entry":
+        """Return the flow of such a row."""
+        context = Context(**row["context"]) if "context" in row else None
+        return Entry(Drawn(row["scene"], row["arguments"], context), row["hash"])
+
+
+def _changed(context: Context) -> dict[str, Any]:
+    """Return what isn't as usual in a context."""
+    usual = Context()._asdict()
+    return {name: value for name, value in context._asdict().items() if value != usual[name]}
 
 
 class Manifest(NamedTuple):
@@ -57,10 +74,7 @@ class Manifest(NamedTuple):
     def arrays(self, id_: str) -> dict[str, NDArray[Any]]:
         """Return the reference of an instance: arrays by name, a row for every frame."""
         columns = _columns(self.path)
-        k = list(self.entries).index(id_)
-        frames = slice(*columns["offsets"][k : k + 2])
-        rows = {name: column[frames] for name, column in columns.items() if name not in _PER_FLOW}
-        return rows | {"cfl_substeps": columns["cfl_substeps"][k]}
+        return unpacked(columns, list(self.entries).index(id_))
 
 
 def entry(id_: str) -> Entry | None:
@@ -93,8 +107,7 @@ def load(name: str, folder: Path = FOLDER) -> Manifest | None:
         version, rows = data["version"], data["instances"]
         digests = {kind: data[kind] for kind in DIGESTS if kind in data}
         entries = {
-            id_: Entry(Drawn(row["scene"], row["arguments"], row.get("viscosity")), row["hash"])
-            for id_, row in rows.items()
+            id_: Entry.of(row) for id_, row in rows.items()
         }
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise _damaged(path, error) from None
@@ -134,17 +147,51 @@ def write(
     sources: hash of the sources that computed the references.
     """
     ids, flows, references = zip(*rows, strict=True)
-    columns: dict[str, Any] = {
-        kind: np.concatenate([arrays[kind] for arrays in references]).astype(np.float32)
-        for kind in references[0]
-        if kind not in _PER_FLOW
-    }
-    columns["offsets"] = np.cumsum([0, *(len(arrays["kinetic"]) for arrays in references)])
-    columns["cfl_substeps"] = np.array([arrays["cfl_substeps"] for arrays in references])
+    columns = packed(references)
     with atomic_write(folder / f"{name}.npz") as draft:
         np.savez_compressed(draft, **columns)
     entries = dict(zip(ids, flows, strict=True))
     _write_flows(folder / f"{name}.json", entries, _digests(entries, columns), sources)
+
+
+def packed(references: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
+    """Return references as few bytes: changes from frame to frame in whole parts of the largest.
+
+    High and low bytes are kept apart, and quantities one after the other, since equal bytes side by
+    side compress well.
+    """
+    scales, changes = [], []
+    for arrays in references:
+        rows = np.column_stack([arrays[name] for name in ROWS])
+        scale = np.abs(rows).max(axis=0).astype(np.float32)
+        parts = np.rint(rows * (ROUNDED / np.where(scale > 0, scale, 1.0))).astype(np.int32)
+        change = np.diff(parts, axis=0, prepend=0)
+        # small changes of either sign as small numbers
+        changes.append((change << 1) ^ (change >> 31))
+        scales.append(scale)
+    table = np.concatenate(changes).T
+    return {
+        "high": (table >> 8).astype(np.uint8),
+        "low": (table & 255).astype(np.uint8),
+        "scales": np.array(scales),
+        "offsets": np.cumsum([0, *map(len, changes)]),
+        "cfl_substeps": np.array([arrays["cfl_substeps"] for arrays in references]),
+    }
+
+
+def unpacked(columns: Mapping[str, NDArray[Any]], k: int) -> dict[str, Any]:
+    """Return reference k of packed ones: arrays by name, a row for every frame."""
+    frames = slice(*columns["offsets"][k : k + 2])
+    high, low = (columns[name][:, frames].astype(np.int32) for name in ("high", "low"))
+    change = high << 8 | low
+    parts = np.cumsum((change >> 1) ^ -(change & 1), axis=1).T
+    rows = parts * (columns["scales"][k].astype(np.float64) / ROUNDED)
+    ends = np.cumsum(list(ROWS.values()))[:-1]
+    named = {
+        name: block if width > 1 else block[:, 0]
+        for (name, width), block in zip(ROWS.items(), np.split(rows, ends, axis=1), strict=True)
+    }
+    return named | {"cfl_substeps": float(columns["cfl_substeps"][k])}
 
 
 def stamp(name: str, folder: Path = FOLDER) -> Path | None:

@@ -1,24 +1,31 @@
 """Observations: dimensionless numbers or a small picture, none of it from the reference."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from sph_gym.controllers.rules import noise_share, remembered
 from sph_gym.env.actions import Coordinates
+from sph_gym.env.contexts import Context
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.stepping import COURANT, FORCE
 
+
+# Version of the entries, for networks: any change below needs a new one.
+VERSION = 2
 
 class Moment(NamedTuple):
     """All that an observation may depend on.
 
     now, before: `measure` after and before the step; coordinates: of the present controls;
     progress: share of the episode that is over; n_substeps: of the last step; rollbacks: blow-ups
-    that were taken back in a row, as a share of how many may be.
+    that were taken back in a row, as a share of how many may be; context: numerics of the scene.
     """
 
     sim: Simulation
@@ -28,6 +35,7 @@ class Moment(NamedTuple):
     progress: float
     n_substeps: int
     rollbacks: float
+    context: Context
 
 
 class Feature(NamedTuple):
@@ -65,6 +73,17 @@ FEATURES = (
     Feature("energy_excess", -1, 1, "tanh(energy from nowhere / energy at stake)"),
     Feature("surface", 0, 1, "share of particles below 0.9 rho0"),
     Feature("free_fall", 0, 1, "share of particles with |a - g| < 0.1 g (0 without gravity)"),
+    Feature("noise", 0, 1, "s(mean squared velocity noise / (0.01 U^2))"),
+    Feature(
+        "noise_share", 0, 1,
+        "s(mean squared velocity noise / mean squared velocity / 1 %), remembered over 20 steps",
+    ),
+)  # fmt: skip
+CONTEXT = (
+    Feature("alpha", 0, 1, "s(50 alpha), alpha of the artificial viscosity"),
+    Feature("support", 0, 1, "h / (5 dx)"),
+    Feature("matched", 0, 1, "1 for kernels that match, 0 for the article's"),
+    Feature("laminar_viscosity", 0, 1, "s(100 nu / (h c0))"),
 )
 ROLLED_BACK = Feature(
     "rollbacks", 0, 1, "blow-ups that were just taken back in a row / how many may be"
@@ -96,15 +115,30 @@ def _entries(moment: Moment) -> list[float]:
         math.tanh(now["energy_excess"]),
         now["surface"],
         now["adrift"],
+        _squash(100 * now["velocity_noise"] / speed**2),
+        _squash(100 * now["noise_share"]),
     ]
 
 
-def measure(sim: Simulation) -> dict[str, float]:
-    """Return the diagnostics, and what observations need besides."""
+def _of_context(context: Context) -> list[float]:
+    """Return the values of CONTEXT."""
+    matched = float(context.kernel != "mueller")
+    support = context.support / 5
+    return [_squash(50 * context.alpha), support, matched, _squash(100 * context.viscosity)]
+
+
+def measure(sim: Simulation, before: dict[str, float] | None = None) -> dict[str, float]:
+    """Return the diagnostics, and what observations need besides.
+
+    before: of the step before, None at the start.
+    """
     numbers = sim.diagnostics()
     mass = sim.mass * sim.n_fluid
     numbers["speed2"] = 2 * numbers["kinetic_energy"] / mass
     numbers["com_v"] = numbers["momentum_y"] / mass
+    numbers["steps"] = 0.0 if before is None else before["steps"] + 1.0
+    old = 0.0 if before is None else before["noise_share"]
+    numbers["noise_share"] = remembered(old, noise_share(sim, numbers), numbers["steps"])
     return numbers
 
 
@@ -112,21 +146,22 @@ class Features:
     """A bounded float32 vector with one entry per row of FEATURES; s(x) = x / (1 + x).
 
     U is the scene's velocity scale c0 / 10, its size the square root of the fluid's area.
-    rollback: one entry more, `ROLLED_BACK`.
+    rollback: one entry more, `ROLLED_BACK`; context: four entries more, CONTEXT.
     """
 
-    def __init__(self, rollback: bool = False) -> None:
-        self._rollback = rollback
+    def __init__(self, rollback: bool = False, context: bool = False) -> None:
+        self._rollback, self._context = rollback, context
         low, high = ([getattr(feature, side) for feature in self.rows] for side in ("low", "high"))
         self._low, self._high = np.array(low, np.float32), np.array(high, np.float32)
 
     @property
     def rows(self) -> tuple[Feature, ...]:
         """Bounds and meanings of the entries."""
-        return (*FEATURES, ROLLED_BACK) if self._rollback else FEATURES
+        more = (ROLLED_BACK,) if self._rollback else ()
+        return (*FEATURES, *more, *(CONTEXT if self._context else ()))
 
     def space(self) -> spaces.Box:
-        """Return Box((20,), float32), or (21,)."""
+        """Return Box((22,), float32), with one entry more for `rollback`, four for `context`."""
         return spaces.Box(self._low, self._high, dtype=np.float32)
 
     def observe(self, moment: Moment) -> NDArray[Any]:
@@ -134,6 +169,8 @@ class Features:
         numbers = _entries(moment)
         if self._rollback:
             numbers.append(moment.rollbacks)
+        if self._context:
+            numbers += _of_context(moment.context)
         values = np.array(numbers, np.float32)
         np.maximum(values, self._low, out=values)
         return np.minimum(values, self._high, out=values)
@@ -212,4 +249,8 @@ def _frame(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return low, high - low
 
 
-TYPES: dict[str, type[Features] | type[Field]] = {"features": Features, "field": Field}
+TYPES: dict[str, Callable[..., Features | Field]] = {
+    "features": Features,
+    "field": Field,
+    "features+context": partial(Features, context=True),
+}

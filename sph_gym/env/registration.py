@@ -5,13 +5,19 @@ import gymnasium as gym
 from sph_gym.env.distributions import FAMILIES
 
 SCENES = tuple(FAMILIES)
-VERSION = "v0"
+VERSION = "v1"
 # Changes of the environments, the newest first.
-HISTORY = {"v0": "first version"}
+HISTORY = {
+    "v1": (
+        "the first version that was published: contexts, a reference with matched kernels, the "
+        "noise term, epsilon from 0 to 1; ids follow the scenes"
+    ),
+    "v0": "a draft, gone",
+}
 
 
 def env_id(scene: str) -> str:
-    """Return the id of an environment: "dam_break" -> "sph_gym/DamBreak-v0"."""
+    """Return the id of an environment: "dam_break" -> "sph_gym/DamBreak-v1"."""
     return f"sph_gym/{scene.title().replace('_', '')}-{VERSION}"
 
 
@@ -24,7 +30,7 @@ def scene_of(id_: str) -> str:
 
 
 def register_all() -> None:
-    """Register one id per scene, and sph_gym/Custom-v0 for a `scene=` of the user's own."""
+    """Register one id per scene, and sph_gym/Custom-v1 for a `scene=` of the user's own."""
     entry_point = "sph_gym.env.tuning:TuningEnv"
     vector = "sph_gym.env.vector:TuningVectorEnv"
     for scene in SCENES:

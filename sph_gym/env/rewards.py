@@ -15,13 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.env.reference import WINDOW, ReferenceRun
+from sph_gym.env.reference import WINDOW, ReferenceRun, recent
 from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.scene import Scene
 
 MEANINGS = {
     "density": "the fluid is compressed: the mean or the 99th percentile of max(rho/rho0 - 1, 0)",
     "clumping": "more particles are closer than 0.6 dx than in the reference",
+    "noise": "velocities differ from one particle to the next more than in the reference",
     "fidelity": "the flow drifts away from the reference: centre of mass, extent, kinetic energy",
     "work": "what the step cost: substeps / mean substeps a step of the tuned CFL rule",
     "blowup": "the solver blew up, for every step that is left",
@@ -42,18 +43,21 @@ class Tolerances(NamedTuple):
     - `compression`: mean of max(rho/rho0 - 1, 0)
     - `compression_p99`: 99th percentile of the same
     - `clumping`: share of particles closer than 0.6 dx beyond the reference's share
+    - `noise`: mean squared velocity noise (`sph_gym.solver.noise`) beyond the reference's, both as
+      means of the last WINDOW steps [(c0 / 10)^2]
     - `com_drift`: of the centre of mass within WINDOW steps [dx]
     - `extent_drift`: of the standard deviations of x and y within WINDOW steps [dx]
     - `kinetic_drift`: of the kinetic energy within WINDOW steps [share of its maximum]
     - `kinetic_floor`: what the last never falls below [energy of the whole fluid at c0 / 10], for
       in a fluid at rest there is no flow to be faithful to
     - `spread`: how many times the spread between equally fine references is added to the
-      tolerances of clumping and of the three drifts
+      tolerances of clumping, of noise and of the three drifts
     """
 
     compression: float = 0.01
     compression_p99: float = 0.04
-    clumping: float = 0.15
+    clumping: float = 0.035
+    noise: float = 0.01
     com_drift: float = 1.0
     extent_drift: float = 1.0
     kinetic_drift: float = 0.05
@@ -66,10 +70,12 @@ class Errors(NamedTuple):
 
     density: float
     clumping: float
+    noise: float
     fidelity: float
 
 
-Place = tuple[float, float, float, float, float]
+# Gaps to the reference in the centre of mass, the extent and the kinetic energy; and the noise.
+Past = tuple[float, float, float, float, float, float]
 
 
 class Judge:
@@ -86,10 +92,11 @@ class Judge:
         kinetic = max(t.kinetic_drift * float(fine.kinetic.max()), t.kinetic_floor * whole)
         base = (t.com_drift * scene.dx, t.extent_drift * scene.dx, kinetic)
         self._limits = (np.array(base) + t.spread * reference.spread[:, :3]).tolist()
-        self._clumping = np.stack(
-            [fine.clumping, t.clumping + t.spread * reference.spread[:, 3]], axis=-1
-        ).tolist()
-        self.past: list[Place] = [(0.0, 0.0, 0.0, 0.0, 0.0)]
+        least = (t.clumping, t.noise * (scene.fluid.c0 / 10) ** 2)
+        room = np.array(least) + t.spread * reference.spread[:, 3:]
+        usual = np.stack([fine.clumping, recent(fine.noise)], axis=-1)
+        self._usual = np.concatenate([usual, room], axis=-1).tolist()
+        self.past: list[Past] = [(0.0, 0.0, 0.0, 0.0, 0.0, float(fine.noise[0]))]
 
     def errors(self, frame: int, numbers: Mapping[str, float]) -> Errors:
         """Return the errors at the end of step `frame` (from 1); to be called once a step."""
@@ -97,18 +104,21 @@ class Judge:
         now = (
             numbers["com_x"] - fine[0], numbers["com_y"] - fine[1],
             numbers["extent_x"] - fine[2], numbers["extent_y"] - fine[3],
-            numbers["kinetic_energy"] - fine[4],
+            numbers["kinetic_energy"] - fine[4], numbers["velocity_noise"],
         )  # fmt: skip
         self.past.append(now)
         then = self.past[max(frame - WINDOW, 0)]
         com, extent, kinetic = self._limits[frame]
-        usual, room = self._clumping[frame]
+        last = self.past[-WINDOW:]
+        noise = sum([each[5] for each in last]) / len(last)
+        clumped, noisy, clumping_room, noise_room = self._usual[frame]
         return Errors(
             max(
                 numbers["density_error"] / t.compression,
                 numbers["density_error_p99"] / t.compression_p99,
             ),
-            max(numbers["clumping"] - usual, 0.0) / room,
+            max(numbers["clumping"] - clumped, 0.0) / clumping_room,
+            max(noise - noisy, 0.0) / noise_room,
             max(
                 math.hypot(now[0] - then[0], now[1] - then[1]) / com,
                 math.hypot(now[2] - then[2], now[3] - then[3]) / extent,

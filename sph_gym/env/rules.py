@@ -54,6 +54,7 @@ class Rules:
             "reward_weights": dict(self.weights),
             "tolerances": self.limits._asdict(),
             "rate_limit": self.rate_limit,
+            "versions": (actions.VERSION, observations.VERSION),
         }
 
     def reward_of(self, terms: list[float]) -> Any:

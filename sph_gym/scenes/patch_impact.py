@@ -58,7 +58,6 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
 
 FAMILY = FlowFamily(
     "patch_impact",
-    environment="colliding_patches",
     dx=0.05,
     seed=0,
     draw=draw,

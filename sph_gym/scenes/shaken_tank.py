@@ -77,7 +77,6 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
 
 FAMILY = FlowFamily(
     "shaken_tank",
-    environment="sloshing",
     dx=0.025,
     seed=7,
     draw=draw,

@@ -9,6 +9,7 @@ from sph_gym.solver.equation_of_state import internal_energy
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.lanes import broadcast, lane, like, load, minimum, select, store
 from sph_gym.solver.neighbors import fluid_range, group_size, neighbor, wall_range
+from sph_gym.solver.noise import split_velocities
 from sph_gym.solver.periodic import nearest_image
 from sph_gym.solver.target import MOST_LANES
 
@@ -18,6 +19,8 @@ FORCES, NEIGHBORS, ALL = 0, 1, 2
 NO_PARTICLE = -2 * MOST_LANES
 # Two particles closer than this share of dx count as clumped.
 CLUMPED = 0.6
+# The flow speed is this quantile of all particles': the rest may be spray.
+SPEEDY = 0.99
 
 
 class Totals(NamedTuple):
@@ -115,7 +118,9 @@ class Survey(NamedTuple):
     than 0.6 dx; nearest, median: smallest and median distance to the nearest other [m]; neighbors:
     mean number of them; surface: share below 0.9 rho0; adrift: share whose acceleration is
     gravity's but for a tenth, 0 without gravity; acceleration: largest |a|^2 [m^2/s^4]; lowest:
-    smallest y [m]; front: largest x [m]; extent_x, extent_y: standard deviations of x and y [m].
+    smallest y [m]; front: largest x [m]; extent_x, extent_y: standard deviations of x and y [m];
+    noise: mean squared velocity noise [m^2/s^2]; flow: SPEEDY quantile of the squared flow
+    velocity [m^2/s^2] (see noise.py).
     """
 
     density_p99: float
@@ -130,19 +135,22 @@ class Survey(NamedTuple):
     front: float
     extent_x: float
     extent_y: float
+    noise: float
+    flow: float
 
 
 @jitable
 def survey(cells, model, request, columns, numbers):
     """Fill `columns` from row 2 on, and `numbers` with a `Survey`, as far as is wanted.
 
-    request: a `Request` as an array; columns: (4, n) ax, ay [m/s^2], squared distance to the
-    nearest other fluid particle [m^2] (inf if none is within h), number of all others within h;
-    for a `Survey` the last two are used up.
+    request: a `Request` as an array; columns: (6, n) ax, ay [m/s^2], squared distance to the
+    nearest other fluid particle [m^2] (inf if none is within h), number of all others within h,
+    squared velocity noise and flow velocity [m^2/s^2]; a `Survey` reorders all but the first two.
     """
     if request[0] >= NEIGHBORS:
         look_around(cells, model, columns[2], columns[3])
     if request[0] >= ALL:
+        split_velocities(cells, model, columns[4], columns[5])
         _sum_survey(cells.fluid, float(model.eos.inv_rho0), request, columns, numbers)
 
 
@@ -155,8 +163,9 @@ def _sum_survey(fluid, inv_rho0, request, columns, numbers):
     pull2 = gx * gx + gy * gy
     near = surface = adrift = 0
     neighbors, fastest, lowest, closest, front = 0.0, 0.0, np.inf, np.inf, -np.inf
-    extent_x = extent_y = 0.0
+    extent_x = extent_y = noise = 0.0
     for i in range(n):
+        noise += float(columns[4, i])
         distance = math.sqrt(float(nearest[i]))
         closest = min(closest, distance)
         near += 1 if distance < clumped else 0
@@ -177,6 +186,7 @@ def _sum_survey(fluid, inv_rho0, request, columns, numbers):
     numbers[4], numbers[5], numbers[6] = neighbors / n, surface / n, adrift / n
     numbers[7], numbers[8], numbers[9] = fastest, lowest, front
     numbers[10], numbers[11] = math.sqrt(extent_x / n), math.sqrt(extent_y / n)
+    numbers[12], numbers[13] = noise / n, quantile(columns[5], n, SPEEDY)
 
 
 @jitable

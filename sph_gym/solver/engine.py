@@ -288,7 +288,7 @@ class Engine:
 
     def _examine(self, stale: bool, request: Request) -> NDArray[np.float64]:
         if self._columns is None:
-            self._columns = np.stack([column(self.n, self.dtype) for _ in range(4)])
+            self._columns = np.stack([column(self.n, self.dtype) for _ in range(6)])
         numbers = np.zeros(N_SURVEYED)
         stepping.examine(
             *self.records(), self.controls, stale, np.array(request), self._columns, numbers

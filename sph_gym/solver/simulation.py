@@ -408,6 +408,8 @@ class Simulation:
         mass [m]; extent_x, extent_y: standard deviations of x and y [m]; lowest: smallest y [m];
         front: largest x [m]; adrift: share of particles with |a - g| < 0.1 g, 0 without
         gravity; momentum_x, momentum_y [kg/s]; angular_momentum [kg m/s]; max_speed [m/s];
+        velocity_noise: mean of |v - local affine fit|^2 [m^2/s^2]; flow_speed: 99th percentile of
+        the speed of these fits [m/s];
         max_acceleration [m/s^2]; mach: max_speed / c; courant: dt c / h; and of the last blow-up,
         -1 if there was none: blowup_cause, its place in `failure.CAUSES`; blowup_substep,
         substeps from the start to it; time_to_failure [s].
@@ -445,6 +447,8 @@ class Simulation:
             "angular_momentum": totals.angular_momentum
             + (x * totals.momentum_y - y * totals.momentum_x),
             "max_speed": totals.max_speed,
+            "flow_speed": math.sqrt(survey.flow),
+            "velocity_noise": survey.noise,
             "max_acceleration": math.sqrt(survey.acceleration),
             "mach": totals.max_speed / self.sound_speed,
             "courant": self._controls.dt * self.sound_speed / scene.h,

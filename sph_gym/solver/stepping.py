@@ -427,8 +427,8 @@ def examine(worlds, models, world, model, controls, stale, request, columns, num
     """Look at every particle of the present state.
 
     worlds, models: records; world, model: their shapes; stale: whether the accelerations are not
-    known; request: see `diagnostics.Request`; columns: (4, n) ax, ay [m/s^2] if they are stale,
-    and, by what is wanted, squared distance to the nearest other [m^2] and number of neighbours;
+    known; request: see `diagnostics.Request`; columns: (6, n) of `diagnostics.survey`, ax and
+    ay [m/s^2] filled if they are stale, the others by what is wanted;
     numbers: filled with a `diagnostics.Survey` if all is wanted.
     """
     cells = unpack(worlds, 0, world).cells

@@ -8,7 +8,7 @@ import numpy as np
 
 from sph_gym.controllers import Controller, Network
 from sph_gym.controllers.network import shipped_network
-from sph_gym.env import actions
+from sph_gym.env import actions, contexts
 from sph_gym.env.observations import Features, Moment, measure
 from sph_gym.env.reference import n_frames
 from sph_gym.solver.scene import Scene
@@ -40,9 +40,11 @@ class Pilot:
 
     def __call__(self, sim: Simulation) -> Controls:
         """Return the controls for the present state."""
-        now, scene = measure(sim), sim.scene
+        scene = sim.scene
         # of another run, or of a later time than this, it tells nothing about the last step
-        if self._sim is not sim or not self._when < sim.time:
+        known = self._sim is sim and self._when < sim.time
+        now = measure(sim, self._before if known else None)
+        if not known:
             self._before = now
         moment = Moment(
             sim,
@@ -52,6 +54,7 @@ class Pilot:
             min(sim.time / (n_frames(scene) * scene.frame), 1.0),
             sim.last_report.n_substeps,
             0.0,
+            contexts.of(scene),
         )
         self._sim, self._before, self._when = sim, now, sim.time
         wanted: Any = self._network(self._features.observe(moment))

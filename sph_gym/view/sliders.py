@@ -54,16 +54,12 @@ class Slider(NamedTuple):
 
 def make_sliders(nominal: Controls) -> list[Slider]:
     """Return the sliders around the nominal controls of a scene."""
-    dt, stiffness = ([end * value for end in span] for span, value in _spans(nominal))
-    return [
-        Slider("dt", dt[0], dt[1], True),
-        Slider("stiffness", stiffness[0], stiffness[1], True),
-        Slider("xsph", *XSPH_SPAN, False),
+    spans = {"dt": DT_SPAN, "stiffness": STIFFNESS_SPAN}
+    sliders = [
+        Slider(name, low * getattr(nominal, name), high * getattr(nominal, name), True)
+        for name, (low, high) in spans.items()
     ]
-
-
-def _spans(nominal: Controls) -> list[tuple[tuple[float, float], float]]:
-    return [(DT_SPAN, nominal.dt), (STIFFNESS_SPAN, nominal.stiffness)]
+    return [*sliders, Slider("xsph", *XSPH_SPAN, False)]
 
 
 def limits(sim: Simulation) -> dict[str, float]:
@@ -83,7 +79,7 @@ def limits(sim: Simulation) -> dict[str, float]:
 class ControlPanel:
     """Shows the controls, and changes them by the mouse where that is wanted.
 
-    area: its place in the window [pixels]; em: size of the text; steered: who sets the controls.
+    area: its place in the window [pixels]; em: size of the text [pixels].
     """
 
     def __init__(self, area: Area, em: int) -> None:
@@ -121,7 +117,10 @@ class ControlPanel:
         return Area(left + em, y, width - 2 * em, 1)
 
     def draw(self, surface: "Surface", state: Shown, steered: str) -> None:
-        """Draw the controls of a state; those of a simulation as sliders with limits."""
+        """Draw the controls of a state; those of a simulation as sliders with limits.
+
+        steered: a few words about where the controls come from.
+        """
         left, top, width, _ = self.area
         room = width - 2 * self._em
         y = top + 0.5 * self._em

@@ -126,7 +126,10 @@ class Window:
             self._clock.tick(min(1.0 / sim.scene.frame, FASTEST))
 
     def play(self, source: Source, message: str = "") -> None:
-        """Go through a source until the window is closed; message: shown at the start."""
+        """Go through a source until the window is closed; message: shown at the start.
+
+        Where nothing can be seen it ends with the source.
+        """
         self.source, self._is_playing = source, True
         self._message = self._message or message
         self._history = source if isinstance(source, History) else None
@@ -141,7 +144,8 @@ class Window:
             self._is_playing = False
 
     def _play(self) -> None:
-        while not self.closed:
+        # where nothing can be seen, there is nothing to wait for
+        while not (self.closed or (self.paused and not self._display.is_seen)):
             while event := self._next_event():
                 self._react(event)
             if self.closed:
@@ -186,7 +190,8 @@ class Window:
         state, (lines, title) = self.source.state, self._words
         surface = self._painter.draw(state, title, lines)
         if self._cells:
-            self._notice = self._notice or draw_cells(surface, self._painter.layout, state)
+            words = draw_cells(surface, self._painter.layout, state)
+            self._notice = self._notice or words
         if self.picked is not None:
             draw_picked(surface, self._painter.layout, state, self.picked)
         return surface
@@ -247,7 +252,8 @@ class Window:
             self._notice = f"this is the last {source.unit}{back}"
             return
         self._shoot()
-        if isinstance(source, History) and source.trouble is not None:
+        seen = self._display.is_seen
+        if isinstance(source, History) and source.trouble is not None and seen:
             trouble, source.trouble = source.trouble, None
             self.paused, self._message = True, trouble.message
             self.picked = trouble.particle if trouble.particle >= 0 else None

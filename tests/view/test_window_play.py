@@ -9,6 +9,7 @@ import pytest
 
 from sph_gym import Controls, Simulation, scenes
 from sph_gym.solver.offender import Offender
+from sph_gym.solver.warnings import Warning
 from sph_gym.view import History, Recording, Window
 from sph_gym.view.history import SUBSTEPS
 from tests.view.test_playback import frames
@@ -252,6 +253,22 @@ def test_the_end_of_a_run_stays_on_the_screen(window, sim, monkeypatch):
     assert waits == ["this is the last frame"] * 3
 
 
+def test_where_nothing_can_be_seen_a_run_ends_by_itself(window, sim, monkeypatch):
+    told = [Warning("mach", 2.0, 1.0, 0.1, "something is odd")]
+    monkeypatch.setattr(Simulation, "warnings", property(lambda sim: told if sim.time > 0 else ()))
+    monkeypatch.setattr(window._display, "is_seen", False)
+    left = [5]
+
+    def advance():
+        left[0] -= 1
+        return sim.advance(sim.scene.frame) if left[0] >= 0 else None
+
+    past = History(sim, advance)
+    window.play(past)
+    assert past.n == 6
+    assert not window.closed
+
+
 def test_help_covers_the_picture_and_goes_with_the_next_key(window, sim, monkeypatch):
     past, seen = scripted(sim, {1: lambda: press(pygame.K_SPACE)}), []
 
@@ -290,10 +307,16 @@ def test_what_is_drawn_over_the_fluid_comes_and_goes(window, sim, monkeypatch, k
 
 
 def test_cells_of_a_wide_picture_come_and_go(window, sim, monkeypatch):
-    wide, seen = Window(sim.scene, 720), []
+    wide, seen, redrawn = Window(sim.scene, 720), [], []
+
+    def picture():
+        return screen()[: wide._painter.size[0], : wide._painter.size[1]]
 
     def look():
-        seen.append((screen()[: wide._painter.size[0], : wide._painter.size[1]], wide._notice))
+        seen.append((picture(), wide._notice))
+        if wide._cells:
+            wide._redraw()
+            redrawn.append(picture())
         press(pygame.K_g)
 
     past = scripted(sim, {2: lambda: press(pygame.K_SPACE)})
@@ -301,6 +324,8 @@ def test_cells_of_a_wide_picture_come_and_go(window, sim, monkeypatch):
     wide.play(past)
     assert seen[1][1].endswith(" cells")
     assert (seen[1][0] != seen[0][0]).any()
+    shown = wide._painter.layout.domain
+    assert len(np.argwhere((redrawn[0] != seen[0][0]).any(axis=2))) > shown.width
     np.testing.assert_array_equal(seen[2][0], seen[0][0])
 
 
@@ -405,9 +430,15 @@ def test_sliders_of_a_program_that_sets_the_controls_itself_stay_where_they_are(
 
 
 def test_the_collector_is_left_as_it_was(window, sim):
-    frozen = gc.get_freeze_count()
-    window.play(scripted(sim, {1: lambda: press(pygame.K_q)}))
-    assert gc.get_freeze_count() == 0 or frozen > 0
+    frozen = []
+
+    def look():
+        frozen.append(gc.get_freeze_count())
+        press(pygame.K_q)
+
+    window.play(scripted(sim, {1: look}))
+    assert frozen[0] > 0
+    assert gc.get_freeze_count() == 0
 
 
 def test_drawing_takes_less_than_a_sixtieth_of_a_second_in_the_middle(window, sim):

@@ -45,9 +45,13 @@ def rivals(instance: Instance) -> dict[str, Rival]:
 
 def _finer(instance: Instance) -> Scene:
     """Return the flow of an instance with half the spacing."""
-    arguments = dict(instance.arguments)
-    arguments["dx"] = arguments["dx"] / 2
-    drawn = instance.drawn._replace(arguments=arguments)
+    _, arguments, context = instance.drawn
+    assert context is not None
+    # the viscosity is alpha c0 h / 8, and the fluid is the same
+    drawn = instance.drawn._replace(
+        arguments=dict(arguments) | {"dx": arguments["dx"] / 2},
+        context=context._replace(alpha=2 * context.alpha),
+    )
     finer = Instance(instance.id, drawn).build()
     # some scenes snap lengths to the spacing, and their frame follows
     return replace(finer, frame=instance.build().frame)

@@ -106,9 +106,7 @@ def load(name: str, folder: Path = FOLDER) -> Manifest | None:
         data = json.loads(path.read_text())
         version, rows = data["version"], data["instances"]
         digests = {kind: data[kind] for kind in DIGESTS if kind in data}
-        entries = {
-            id_: Entry.of(row) for id_, row in rows.items()
-        }
+        entries = {id_: Entry.of(row) for id_, row in rows.items()}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise _damaged(path, error) from None
     if version != VERSION:

@@ -80,9 +80,13 @@ def measure_references(names: list[str], n_instances: int, folder: Path) -> Iter
         for number in progress(range(n_instances), f"{name}: references", "instance"):
             instance = instances.instance(name, "val", number)
             for kind, rival in rivals(instance).items():
-                found = store.get([instance.id, kind], lambda i=instance, r=rival: share_within(i, r))
+                found = store.get(
+                    [instance.id, kind], lambda i=instance, r=rival: share_within(i, r)
+                )
                 shares.setdefault(kind, []).append(found)
         for kind, values in shares.items():
             bound = None if name in instances.DIAGNOSTIC else WITHIN
             quantity = f"within tolerance of the reference: {kind}"
-            yield Row(quantity, name, 100 * float(np.mean(values)), "% of steps", bound, at_least=True)
+            yield Row(
+                quantity, name, 100 * float(np.mean(values)), "% of steps", bound, at_least=True
+            )

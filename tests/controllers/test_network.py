@@ -7,7 +7,6 @@ import pytest
 
 from sph_gym.controllers import Network
 
-
 LAYOUTS = ("features v2", "absolute v2")
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from sph_gym import scenes
 from sph_gym.env import SCENES, contexts, instances
-from sph_gym.env.contexts import BEYOND_DAMPED, BEYOND_NOISY, BETWEEN, DAMPED, KINDS, NOISY, Context
+from sph_gym.env.contexts import BETWEEN, BEYOND_DAMPED, BEYOND_NOISY, DAMPED, KINDS, NOISY, Context
 from sph_gym.env.distributions import FAMILIES, SHIFTS, draw
 from sph_gym.env.fingerprint import fingerprint
 

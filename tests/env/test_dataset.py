@@ -135,13 +135,12 @@ def test_a_scene_of_ones_own_is_told_by_its_fingerprint_and_recovered():
 
 
 def test_a_dataset_is_complete_or_absent(monkeypatch, tmp_path):
-    storage = pytest.importorskip("minari.dataset.minari_storage").MinariStorage
-
-    def interrupt(self, metadatas, *rest):
+    def interrupt(episode):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(storage, "update_episode_metadata", interrupt)
+        # the last thing that is written
+        patch.setattr(dataset, "_summary", interrupt)
         with pytest.raises(KeyboardInterrupt):
             record(ID, random_agent(), 1, NAME, INSTANCES, arguments=ARGUMENTS)
     assert NAME not in minari.list_local_datasets()

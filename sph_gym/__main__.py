@@ -1,6 +1,7 @@
 """Command line: `python -m sph_gym COMMAND`, one of those that `--help` lists."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,10 @@ from typing import Any
 from sph_gym import scenes
 from sph_gym.solver.jit import announce_compilation
 
+# Exit status of a command whose output nobody reads any more: that of SIGPIPE in a shell.
+PIPE_CLOSED = 141
+# Files that `run --window` opens.
+RECORDINGS = (".npz", ".h5", ".hdf5", ".pvd")
 ASSIGNMENTS: dict[str, Any] = {"nargs": "*", "action": "extend", "default": []}
 # Known here too, since it takes long to import the studies.
 STUDIES = (
@@ -26,16 +31,53 @@ STUDIES = (
 
 def main(arguments: list[str] | None = None) -> int:
     """Carry out a command and return its exit status."""
+    try:
+        try:
+            return _carry_out(arguments)
+        except SystemExit:
+            # argparse has printed a help, which may still be on its way
+            _flush()
+            raise
+    except BrokenPipeError:
+        # whoever read the output has enough of it, as `head` has: no fault, and nothing to say
+        _point_to_nowhere()
+        return PIPE_CLOSED
+
+
+def _carry_out(arguments: list[str] | None) -> int:
+    """Carry out a command, and return its exit status when all it printed is on its way."""
     options = _parser().parse_args(arguments)
     announce_compilation()
     try:
-        return int(options.function(options))
+        status = int(options.function(options))
+        _flush()
+        return status
+    except BrokenPipeError:
+        raise
     except (ValueError, ImportError, OSError, MemoryError) as error:
         print(f"sph_gym: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("sph_gym: interrupted", file=sys.stderr)
         return 130
+
+
+def _flush() -> None:
+    """Send what was printed on its way, if there is anywhere to go."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+
+
+def _point_to_nowhere() -> None:
+    """Send what is still to be written to nowhere: Python flushes once more when it ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, sys.stdout.fileno())
+    except (OSError, ValueError):
+        # captured or closed: there is nothing behind it that could complain
+        pass
+    finally:
+        os.close(nowhere)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -56,10 +98,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_run(commands: Any) -> None:
-    run = commands.add_parser("run", help="run a scene; log, watch or film it")
+    run = commands.add_parser("run", help="run a scene, or open a recording; log, watch or film it")
     run.set_defaults(function=_run)
     add = run.add_argument
-    add("scene", help=", ".join(scenes.names()))
+    text = ", ".join(scenes.names()) + "; or with --window a recording that --save or doctor.watch "
+    add("scene", help=text + f"wrote: {', '.join(RECORDINGS)}")
     add("--set", **ASSIGNMENTS, metavar="NAME=VALUE", help="scene arguments")
     add("--seconds", type=float, help="physical time, by default the scene's own")
     add("--dt", type=float, help="time step [s]")
@@ -81,15 +124,18 @@ def _add_run(commands: Any) -> None:
     add("--every", metavar="TIME", help=text)
     text = "nan, density, escape: stop at the first such particle and print its neighbourhood"
     add("--break-on", metavar="CONDITIONS", help=text)
-    add("--color", default="speed", help="speed, density, pressure or neighbors")
+    text = "speed, density, density_error, pressure, neighbors, clumping or energy"
+    add("--color", default="speed", help=text)
     add("--arrows", action="store_true", help="draw forces as arrows")
     show = run.add_mutually_exclusive_group()
-    show.add_argument("--window", action="store_true", help="watch it; keys are shown there")
+    show.add_argument("--window", action="store_true", help="watch and steer it; ? lists the keys")
     show.add_argument("--video", metavar="PATH", help="film it: .mp4 or .gif")
     add("--save", metavar="PATH", help="record it: .npz, .h5, or .pvd for ParaView")
 
 
 def _run(options: argparse.Namespace) -> int:
+    if Path(options.scene).suffix.lower() in RECORDINGS:
+        return _replay(options)
     from sph_gym.run import Every, Readings, run
     from sph_gym.solver.break_on import BreakOn
     from sph_gym.solver.gauges import Gauge
@@ -101,6 +147,11 @@ def _run(options: argparse.Namespace) -> int:
     given = {name: value for name, value in changes.items() if value is not None}
     sim.controls = sim.controls._replace(**given)
     look = {name: getattr(options, name) for name in ("color", "arrows", "window", "video")}
+    if options.window:
+        from sph_gym.pilot import pilots
+        from sph_gym.run import CONTROLLERS
+
+        look["controllers"] = CONTROLLERS | pilots(scene)
     gauges = [Gauge.parse(text) for text in options.gauge]
     n_logged, log = _logged(options, sim)
     every = options.every
@@ -109,6 +160,23 @@ def _run(options: argparse.Namespace) -> int:
     break_on = BreakOn(sim, options.break_on.split(",")) if options.break_on else None
     readings = Readings(sim, gauges, options.gauges, every, log, break_on)
     return run(sim, options.seconds, n_logged, readings, save=options.save, **look)
+
+
+def _replay(options: argparse.Namespace) -> int:
+    """Open a recording in the window. Raises ValueError with options that need a running scene."""
+    from sph_gym.run import replay
+
+    looks = ("scene", "window", "color", "arrows", "function")
+    defaults = vars(_parser().parse_args(["run", "SCENE"]))
+    others = [name for name, value in vars(options).items() if value != defaults[name]]
+    others = [f"--{name.replace('_', '-')}" for name in others if name not in looks]
+    if not options.window or others:
+        given = " ".join(others) or "no --window"
+        raise ValueError(
+            f"{options.scene}: expected --window, --color and --arrows at most with a recording, "
+            f"got {given}"
+        )
+    return replay(options.scene, color=options.color, arrows=options.arrows)
 
 
 def _logged(options: argparse.Namespace, sim: Any) -> tuple[int, Any]:

@@ -1,9 +1,9 @@
-"""Run one scene frame by frame: log densities, pressures and gauges, watch, film and save it."""
+"""Run one scene frame by frame: log it, watch, film and save it; or watch what was saved."""
 
 import csv
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,23 +11,35 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.blowups import explain
+from sph_gym.controllers import ArticleCfl, Controller, TunedCfl, nominal
 from sph_gym.files import atomic_write
 from sph_gym.solver.break_on import BreakOn
-from sph_gym.solver.checks import positive, whole
+from sph_gym.solver.checks import known, positive, whole
 from sph_gym.solver.gauges import Gauge
 from sph_gym.solver.offender import Offender
 from sph_gym.solver.particle_log import ParticleLog
 from sph_gym.solver.report import count_substeps
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.warnings import short
-from sph_gym.trajectory import Recorder
-from sph_gym.view import Painter, Window, write_video
+from sph_gym.trajectory import Recorder, read
+from sph_gym.view import History, Painter, Recording, Window, write_video
+from sph_gym.view.colors import available
 
 VIDEO_WIDTH, VIDEO_FPS = 960, 30
 # So many particles are logged if nobody says which.
 LOGGED = 3
 # Characters of a time in a table of particles.
 TIME_WIDTH = 12
+# To which the controls can be handed over in the window.
+CONTROLLERS: dict[str, Controller] = {
+    "default": nominal,
+    "cfl": ArticleCfl(),
+    "tuned_cfl": TunedCfl(),
+}
+
+
+BAD_START = "before the first step, the start is bad already:"
 
 
 class PictureStyle(NamedTuple):
@@ -136,6 +148,14 @@ class Readings:
                 self.rows.append(self._row())
         return report._replace(n_substeps=n_substeps)
 
+    def forget(self) -> None:
+        """Drop what was read and found after the present time: the run goes on from an earlier one.
+
+        The offender is forgotten in any case, for the run goes on.
+        """
+        self.offender = None
+        self.rows = [row for row in self.rows if row[0] <= self._sim.time]
+
     def heading(self) -> list[str]:
         """Return the headings of the console's columns."""
         return [f"{name:>11}" for name in self.columns]
@@ -167,6 +187,7 @@ def run(
     window: bool = False,
     video: str | None = None,
     save: str | None = None,
+    controllers: Mapping[str, Controller] | None = None,
     **style: Any,
 ) -> int:
     """Run a simulation and show it; return 1 if it blew up or came to a break, else 0.
@@ -175,7 +196,8 @@ def run(
     log, spread evenly over the fluid, where `readings` name none; readings: of gauges and
     particles, printed, those of gauges recorded as well; a break ends the run; window:
     watch it, until the window is closed; video: film it there; save: where a `Recorder` puts the
-    start and every frame; style: the parts of a `PictureStyle`. Warnings of the simulation are
+    start and every frame; controllers: to which the window can hand over the controls, by default
+    `CONTROLLERS`; style: the parts of a `PictureStyle`. Warnings of the simulation are
     printed as they appear, and at the end in one line. Raises ValueError for wrong values and
     unknown names.
     """
@@ -184,16 +206,16 @@ def run(
     shown = PictureStyle(**style)._asdict()
     kept = nullcontext() if save is None else Recorder(save, sim, readings.gauges)
     with readings, kept as recorder:
-        frames = _frames(sim, until, n_logged, readings, recorder)
+        course = Course(sim, until, n_logged, readings, recorder)
         if video is not None:
             painter = Painter(sim.scene, size=VIDEO_WIDTH, **shown)
-            pictures = (painter.paint(sim, title=sim.scene.name) for _ in frames)
+            pictures = (painter.paint(sim, title=sim.scene.name) for _ in course)
             write_video(video, pictures, VIDEO_FPS)
             print(f"video: {video}")
         elif window:
-            _watch(sim, frames, Window(sim.scene, **shown))
+            _watch(course, Window(sim.scene, controllers=controllers or CONTROLLERS, **shown))
         else:
-            for _ in frames:
+            for _ in course:
                 pass
     if sim.warnings:
         print(f"warnings: {', '.join(map(short, sim.warnings))}")
@@ -204,40 +226,146 @@ def run(
     return int(sim.last_report.diverged or readings.offender is not None)
 
 
-def _watch(sim: Simulation, frames: Iterator[None], window: Window) -> None:
-    """Show frame by frame; leave the last one on the screen until the window is closed."""
-    for _ in frames:
-        window.show(sim)
-        if window.closed:
-            return
-    window.wait_until_closed()
+def replay(path: str | os.PathLike[str], **style: Any) -> int:
+    """Show a recording in a window until that is closed, and return 0.
+
+    path: what `run(save=...)` or `doctor.watch` wrote; style: the parts of a `PictureStyle`. Raises
+    ValueError for other contents and for a colour that was not recorded, OSError if the file can't
+    be opened, ImportError that names the extra to install.
+    """
+    recording, shown = Recording(read(path)), PictureStyle(**style)
+    known("color", shown.color, available(recording.state))
+    for line in describe_recording(path, recording):
+        print(line)
+    window = Window(recording.scene, bounds=recording.bounds, **shown._asdict())
+    message, tripped = estimates(recording), recording.tripped
+    if tripped is not None:
+        message = f"{tripped['message']}".partition("\n")[0] + (message and f" ({message})")
+        recording.go(recording.n - 1)
+        window.paused, particle = True, int(tripped["particle"])
+        window.picked = particle if 0 <= particle < recording.n_fluid else None
+    window.play(recording, message)
+    return 0
 
 
-def _frames(
-    sim: Simulation, until: float, n_logged: int, readings: Readings, recorder: Recorder | None
-) -> Iterator[None]:
-    """Advance frame by frame, log and record after each; ends at `until`, a break or a blow-up."""
-    logged = spread(sim, n_logged)
-    print("  ".join([_heading(logged, readings), *readings.heading()]))
-    told = _tell(sim, set())
-    if recorder is not None:
-        recorder.record()
-    n_shown = 0
-    while sim.time < until * (1 - 1e-9):
-        report = readings.advance(min(sim.scene.frame, until - sim.time))
-        if readings.log is None:
-            print("  ".join([_line(sim, report.n_substeps, logged), *readings.line()]))
-        else:
-            for k in range(n_shown, len(readings.rows)):
-                print("  ".join([f"{readings.rows[k][0]:{TIME_WIDTH}.6g}", *readings.line(k)]))
-            n_shown = len(readings.rows)
-        told = _tell(sim, told)
-        if recorder is not None:
-            recorder.record()
-        yield
-        if report.diverged or readings.offender is not None:
+def estimates(recording: Recording) -> str:
+    """Return which numbers of the scene are estimated, empty if the recording has them all."""
+    names = ", ".join(recording.estimated)
+    return f"not recorded, so estimated: {names}" if names else ""
+
+
+def describe_recording(path: str | os.PathLike[str], recording: Recording) -> list[str]:
+    """Return lines about what is in a recording."""
+    first, last = recording.time(0), recording.time(recording.n - 1)
+    shown = f"{recording.n} {recording.unit}s from t = {first:.6g} s to {last:.6g} s"
+    lines = [f"{path}: {recording.scene.name}, {recording.n_fluid} particles, {shown}"]
+    return [line for line in (*lines, estimates(recording)) if line]
+
+
+def _watch(course: "Course", window: Window) -> None:
+    """Show the run in a window until that is closed."""
+    readings = course.readings
+    history = History(
+        course.sim,
+        course.advance,
+        course.rewind,
+        more=lambda: dict(zip(readings.columns, readings.rows[-1][1:], strict=True)),
+        offender=lambda: readings.offender,
+    )
+    offender, message = readings.offender, ""
+    if offender is not None:
+        window.paused, window.picked = True, offender.particle
+        message = f"{BAD_START} {offender}"
+    window.play(history, message)
+
+
+class Course:
+    """A run frame by frame: each is logged, printed and recorded.
+
+    until: the time at which it ends [s], unless a break or a blow-up ends it before; n_logged,
+    readings: as for `run`; recorder: of the start and every frame. Iterating runs to the end. What
+    there is to break on is looked for before the first step, too.
+    """
+
+    def __init__(
+        self,
+        sim: Simulation,
+        until: float,
+        n_logged: int,
+        readings: Readings,
+        recorder: Recorder | None,
+    ) -> None:
+        self.sim, self.readings = sim, readings
+        self._until, self._recorder = until, recorder
+        self._logged = spread(sim, n_logged)
+        self._ended, self._latest = False, sim.time
+        self._told: set[str] = set()
+        self._n_printed = 0
+        print("  ".join([_heading(self._logged, readings), *readings.heading()]))
+        self._tell()
+        self._record()
+        self._look_at_start()
+
+    def _look_at_start(self) -> None:
+        """End the run before its first step if there is an offender: no step is to blame for it."""
+        readings = self.readings
+        if readings.break_on is not None:
+            readings.offender = readings.break_on.find()
+        if readings.offender is not None:
+            self._ended = True
+            print(BAD_START)
+            _tell_end(self.sim.last_report, readings)
+
+    def __iter__(self) -> Iterator[None]:
+        while self.advance() is not None:
+            yield
+
+    def advance(self) -> Report | None:
+        """Run for a frame and return its report; None if the run is over."""
+        sim, readings = self.sim, self.readings
+        if self._ended or sim.time >= self._until * (1 - 1e-9):
+            return None
+        report = readings.advance(min(sim.scene.frame, self._until - sim.time))
+        self._print(report)
+        self._tell()
+        self._record()
+        self._ended = report.diverged or readings.offender is not None
+        if self._ended:
             _tell_end(report, readings)
+        self._latest = sim.time
+        return report
+
+    def rewind(self) -> None:
+        """Let the run go on from the present state of the simulation, which may be an earlier one.
+
+        What was recorded of the time after it stays in the file, and what comes now follows it.
+        """
+        self._ended = False
+        self.readings.forget()
+        self._n_printed = min(self._n_printed, len(self.readings.rows))
+        if self.sim.time < self._latest:
+            print(f"went back to t = {self.sim.time:.6g} s")
+
+    def _print(self, report: Report) -> None:
+        readings = self.readings
+        if readings.log is None:
+            line = _line(self.sim, report.n_substeps, self._logged)
+            print("  ".join([line, *readings.line()]))
             return
+        for k in range(self._n_printed, len(readings.rows)):
+            print("  ".join([f"{readings.rows[k][0]:{TIME_WIDTH}.6g}", *readings.line(k)]))
+        self._n_printed = len(readings.rows)
+
+    def _tell(self) -> None:
+        """Print the warnings of kinds that weren't told yet."""
+        for warning in self.sim.warnings:
+            if warning.kind not in self._told:
+                print(f"warning: {warning.message}")
+                self._told.add(warning.kind)
+
+    def _record(self) -> None:
+        if self._recorder is not None:
+            self._recorder.record()
 
 
 def spread(sim: Simulation, n: int = LOGGED) -> NDArray[Any]:
@@ -247,21 +375,16 @@ def spread(sim: Simulation, n: int = LOGGED) -> NDArray[Any]:
 
 def _tell_end(report: Report, readings: Readings) -> None:
     """Print why the run ended early."""
+    words = ""
     if report.diverged:
-        print(
-            f"blew up: cause {report.cause}, first in the link {report.link!r}, "
-            f"particle {report.bad_particle}, after {report.n_substeps} substeps of this frame"
-        )
-    if readings.break_on is not None and readings.offender is not None:
-        print(*readings.break_on.describe(readings.offender), sep="\n")
-
-
-def _tell(sim: Simulation, told: set[str]) -> set[str]:
-    """Print the warnings of kinds that weren't told yet; return the kinds that were."""
-    for warning in sim.warnings:
-        if warning.kind not in told:
-            print(f"warning: {warning.message}")
-    return told | {warning.kind for warning in sim.warnings}
+        words = f"{explain(report)}. It was substep {report.n_substeps} of this frame"
+    if readings.break_on is None or readings.offender is None:
+        print(words)
+        return
+    first, *table = readings.break_on.describe(readings.offender)
+    # the last finite state of a blow-up has no value that would show it
+    print(f"break: {words}. The table is of the last finite state:" if words else first)
+    print(*table, sep="\n")
 
 
 def _heading(logged: NDArray[Any], readings: Readings) -> str:

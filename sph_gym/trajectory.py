@@ -1,6 +1,6 @@
 """Record the frames of a run as compressed NumPy, as HDF5, or as VTK that ParaView opens.
 
-.npz, .h5, .hdf5: one file with the same names in all of them, read back by `read`:
+`read` reads all of them back. .npz, .h5, .hdf5: one file with the same names in all of them:
 
 - times (n_frames,) [s]; controls (n_frames, 3): dt [s], stiffness [Pa], xsph
 - fields/NAME (n_frames, n_particles[, 2]), fluid first, in the precision of the simulation
@@ -23,6 +23,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 from zipfile import BadZipFile
 
@@ -40,6 +41,7 @@ from sph_gym.solver.simulation import Simulation
 
 # Recorded fields, and their names in VTK.
 FIELDS = {"x": "position", "v": "velocity", "rho": "density", "p": "pressure"}
+TITLES = list(FIELDS.values())
 INDEX = """<?xml version="1.0"?>
 <VTKFile type="Collection" version="0.1">
 <Collection>
@@ -123,10 +125,10 @@ class Recorder:
 
 
 def read(path: str | os.PathLike[str]) -> Trajectory:
-    """Return what a `Recorder` wrote as .npz, .h5 or .hdf5, up to the last complete frame.
+    """Return what a `Recorder` wrote, up to the last complete frame.
 
-    Raises ValueError for other suffixes and contents, OSError if the file can't be opened,
-    ImportError that names the extra to install.
+    A .pvd has no controls, so they are NaN. Raises ValueError for other suffixes and contents,
+    OSError if the file can't be opened, ImportError that names the extra to install.
     """
     path = Path(path)
     stored = _READERS[known("suffix of path", path.suffix.lower(), _READERS)](path)
@@ -314,5 +316,55 @@ def _read_hdf5(path: Path) -> Arrays:
         return {name: file[name][()] for name in names if isinstance(file[name], h5py.Dataset)}
 
 
+def _read_vtk(path: Path) -> Arrays:
+    """Return the arrays of an index and its frames, named as in the other formats."""
+    with needs_extra("studies"):
+        import meshio
+    try:
+        entries = ElementTree.parse(path).getroot().findall("Collection/DataSet")
+        times = np.array([float(entry.attrib["timestep"]) for entry in entries])
+        frames = [meshio.read(path.parent / entry.attrib["file"]) for entry in entries]
+        kind = np.asarray(frames[0].point_data["kind"], np.uint8)
+        flat = {title: [frame.point_data[title] for frame in frames] for title in TITLES[1:]}
+        flat[TITLES[0]] = [frame.points for frame in frames]
+    except (ElementTree.ParseError, KeyError, IndexError, meshio.ReadError) as error:
+        raise ValueError(f"path: expected a recording, got {str(path)!r}: {error!r}") from None
+    columns = {name: np.stack(flat[title]) for name, title in FIELDS.items()}
+    stored: Arrays = {
+        f"fields/{name}": column[..., :2] if column.ndim == 3 else column
+        for name, column in columns.items()
+    }
+    stored |= {"times": times, "controls": np.full((len(times), 3), np.nan)}
+    stored |= _read_gauges(path.with_suffix("") / "gauges.csv", len(times))
+    return stored | _read_constants(path.with_suffix(""), kind)
+
+
+def _read_constants(folder: Path, kind: NDArray[Any]) -> Arrays:
+    """Return the parameters beside the frames of an index; their arrays are in the scene's file."""
+    told = json.loads(
+        (folder / "parameters.json").read_bytes(),
+        object_hook=lambda part: None if part.keys() == {"array"} else part,
+    )
+    told["scene"] = json.loads((folder / "scene.json").read_text(encoding="utf-8"))
+    told["kind"] = {"array": "arrays/kind"}
+    return {"parameters": np.bytes_(json.dumps(told).encode()), "arrays/kind": kind}
+
+
+def _read_gauges(path: Path, n_frames: int) -> Arrays:
+    """Return the values of the gauges beside the frames, (n_frames, 1 or 2) each."""
+    if not path.exists():
+        return {}
+    with path.open(newline="", encoding="utf-8") as file:
+        (_, *names), *rows = csv.reader(file)
+    values = np.array(rows[:n_frames], float)[:, 1:]
+    found: Arrays = {}
+    for k, name in enumerate(names):
+        if name.endswith(" x") and names[k + 1 : k + 2] == [f"{name[:-2]} y"]:
+            found[f"gauges/{name[:-2]}"] = values[:, k : k + 2]
+        elif f"gauges/{name[:-2]}" not in found:
+            found[f"gauges/{name}"] = values[:, k : k + 1]
+    return found
+
+
 _WRITERS = {".npz": _write_npz, ".h5": _write_hdf5, ".hdf5": _write_hdf5, ".pvd": _write_vtk}
-_READERS = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5}
+_READERS = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".pvd": _read_vtk}

@@ -1,10 +1,14 @@
 import csv
+import os
+import shlex
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from sph_gym import Simulation, studies
-from sph_gym.__main__ import STUDIES, main
+from sph_gym.__main__ import PIPE_CLOSED, STUDIES, main
 from sph_gym.scenes import droplet
 from sph_gym.solver.warnings import Warning
 
@@ -49,7 +53,7 @@ def test_run_reads_gauges(tmp_path, capsys):
 def test_run_reports_a_blowup(capsys):
     status = main(["run", "hydrostatic_tank", "--set", "dx=0.08", "--dt", "0.05"])
     assert status == 1
-    assert "blew up: cause cfl" in capsys.readouterr().out
+    assert "the run blew up: the time step was too long (cause cfl)" in capsys.readouterr().out
 
 
 def test_brute_force_gives_the_same_log(capsys):
@@ -103,6 +107,25 @@ def test_wrong_words_give_one_clear_line(arguments, capsys):
     error = capsys.readouterr().err
     assert error.startswith("sph_gym: ")
     assert "expected" in error
+
+
+@pytest.mark.parametrize("arguments", [["doctor", "--list"], ["run", "--help"]], ids=" ".join)
+def test_a_closed_pipe_is_no_fault(arguments):
+    command = [sys.executable, "-m", "sph_gym", *arguments]
+    # argparse itself swallows what fails at once
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, env=buffered, **pipes) as process:
+        # before anything is printed, so that the very first write fails
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == PIPE_CLOSED
+
+
+def test_without_any_output_a_command_still_runs():
+    command = f"{shlex.quote(sys.executable)} -m sph_gym doctor --list >&-"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 def test_the_help_names_every_study():

@@ -108,12 +108,23 @@ def test_a_blow_up_prints_the_neighbourhood(capsys):
 
 
 def test_the_run_stops_at_the_step_in_which_a_density_is_wrong(capsys, monkeypatch):
-    # so that a sound fluid has an offender
-    monkeypatch.setattr(break_on, "DENSEST", 0.999)
+    start = Simulation(scenes.make("hydrostatic_tank", dx=0.08))
+    densest = start.rho[: start.n_fluid].max() / start.scene.fluid.rho0
+    # so that a sound fluid has an offender as soon as it is a little denser than at the start
+    monkeypatch.setattr(break_on, "DENSEST", densest + 1e-6)
     assert main([*TANK, "--break-on", "density", "--log", "rho"]) == 1
     out = capsys.readouterr().out
     assert "link 'density': rho = " in out
     assert out.count("break: ") == 1
+    assert "before the first step" not in out
+
+
+def test_a_start_that_is_bad_is_told_before_the_first_step(capsys, monkeypatch):
+    monkeypatch.setattr(break_on, "DENSEST", 0.999)
+    assert main([*TANK, "--break-on", "density"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1] == "before the first step, the start is bad already:"
+    assert lines[2].startswith("break: t = 0 s, particle ")
 
 
 def test_rows_end_with_the_break(monkeypatch):

@@ -86,10 +86,34 @@ def test_gauges_are_kept(tmp_path, suffix):
         rows = list(csv.reader(text.splitlines()))
         assert rows[0] == ["time", "floor x", "floor y", "level:0.03"]
         assert np.array_equal(np.array(rows[1:], float), seen)
-    else:
-        run = read(path)
-        assert np.array_equal(run.gauges["floor"], np.array(seen)[:, 1:3])
-        assert np.array_equal(run.gauges["level:0.03"], np.array(seen)[:, 3:])
+    run = read(path)
+    assert set(run.gauges) == {"floor", "level:0.03"}
+    assert np.array_equal(run.gauges["floor"], np.array(seen)[:, 1:3])
+    assert np.array_equal(run.gauges["level:0.03"], np.array(seen)[:, 3:])
+
+
+def test_what_paraview_opens_is_read_back(tmp_path):
+    need(".pvd")
+    sim = simulation()
+    seen = record(tmp_path / "run.pvd", sim)
+    run = read(tmp_path / "run.pvd")
+    assert run.times.tolist() == [time for time, _, _ in seen]
+    assert run.controls.shape == (len(seen), 3)
+    assert np.isnan(run.controls).all()
+    for name, column in run.fields.items():
+        np.testing.assert_array_equal(column, [fields[name] for _, _, fields in seen])
+    assert run.parameters["kind"].sum() == sim.n_particles - sim.n_fluid
+    scene = Scene.from_dict(run.parameters["scene"])
+    assert scene.to_dict() == sim.scene.to_dict()
+
+
+def test_an_index_of_something_else_is_no_recording(tmp_path):
+    need(".pvd")
+    path = tmp_path / "run.pvd"
+    for text in ("no markup", "<VTKFile/>"):
+        path.write_text(text)
+        with pytest.raises(ValueError, match="path: expected a recording"):
+            read(path)
 
 
 def test_gauges_need_names_of_their_own(tmp_path):
@@ -326,8 +350,8 @@ def test_wrong_words_are_named(tmp_path):
         Recorder(tmp_path / "run.vtk", sim)
     with pytest.raises(FileNotFoundError, match="no directory"):
         Recorder(tmp_path / "nowhere" / "run.npz", sim)
-    with pytest.raises(ValueError, match=r"path: expected one of \.npz, \.h5, \.hdf5, got '\.pvd'"):
-        read(tmp_path / "run.pvd")
+    with pytest.raises(ValueError, match=r"path: expected one of \.npz, \.h5, \.hdf5, \.pvd, got"):
+        read(tmp_path / "run.vtk")
 
 
 def test_other_files_are_no_recordings(tmp_path):

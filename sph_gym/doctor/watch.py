@@ -1,7 +1,7 @@
 """A passive guard for runs of any length: `watch(solver)` behaves like the solver.
 
-After every step it looks at what the solver shows, keeps the last states, and stops at the first
-value that can't be, while the trace is still warm.
+Before the first step and after every step it looks at what the solver shows, keeps the last states,
+and stops at the first value that can't be, while the trace is still warm.
 """
 
 import json
@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sph_gym.blowups import explain
 from sph_gym.files import atomic_write
 from sph_gym.provenance import VERSION
-from sph_gym.solver.offender import Limits, Offender, State, find, neighborhood, not_finite
+from sph_gym.solver.offender import Limits, Offender, State, find, neighborhood
 from sph_gym.solver.plain import to_plain
 from sph_gym.solver.simulation import Simulation
 
@@ -28,6 +29,8 @@ MACH, TOP_SPEED, DENSE = 10.0, 5000.0, 10.0
 # Neighbours within so many distances of the nearest ones.
 AROUND = 3.0
 NAMES = ("x", "v", "rho", "p", "a")
+# Numbers of a solver that help whoever looks at the states: they are written down if it has them.
+CONSTANTS = ("dx", "h", "rho0", "c0", "gamma", "stiffness")
 
 
 class Moment(NamedTuple):
@@ -43,20 +46,39 @@ class Moment(NamedTuple):
     state: State
 
 
+class BlowUp(Offender):
+    """A blow-up that a Simulation has reported: `limit` is its description in words."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return f"{self.limit}. The last states are the finite ones before it"
+
+
+class OtherParticles(Offender):
+    """A number of particles that has changed: `limit` is what happened in words."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return self.limit
+
+
 class Tripped(Exception):
     """A value that can't be.
 
-    offender: particle, link, quantity and value; step: the first is 1; time: [s] since the watch
-    began; around: lines about the particle and its neighbours, one step before where positions
-    aren't finite any more; moments: the last states, the bad one last, unless it has another
-    number of particles.
+    offender: particle, link, quantity and value; step: the first is 1, 0 stands for the start;
+    time: [s] since the watch began; around: lines about the particle and its neighbours, one step
+    before where positions aren't finite any more; moments: the last states, the bad one last,
+    unless it has another number of particles.
     """
 
     def __init__(self, offender: Offender, moments: list[Moment], step: int, time: float) -> None:
         self.offender, self.moments, self.step, self.time = offender, moments, step, time
         self.around = _around(offender, moments)
         self.parameters: dict[str, Any] = {}
-        head = f"step {step} (t = {time:.6g} s): {offender}"
+        when = f"step {step}" if step else "before the first step"
+        head = f"{when} (t = {time:.6g} s): {offender}"
         super().__init__("\n".join([head, *self.around]))
 
     def __reduce__(self) -> Any:
@@ -90,7 +112,10 @@ def watch(
     limits: Limits | None = None,
     callback: Callable[[Tripped], None] | None = None,
 ) -> Any:
-    """Return an object that behaves like the solver, and looks at it after every step.
+    """Return an object that behaves like the solver, and looks at it before and after steps.
+
+    What the solver shows before its first step is looked at when that is called for, so that a bad
+    start isn't laid to the step.
 
     solver: one of the doctor's protocol (x, v, step(dt), and rho, p, a if it shows them), or a
     `Simulation`, which is looked at after every `advance`.
@@ -115,19 +140,21 @@ def watch(
 
 
 class _Watched:
-    """Passes everything on to the solver; `step` and `advance` look at what came out."""
+    """Passes everything on to the solver; `step` and `advance` look at it before and after."""
 
     def __init__(self, solver: Any, guard: "_Guard") -> None:
         object.__setattr__(self, "_solver", solver)
         object.__setattr__(self, "_guard", guard)
 
     def step(self, *arguments: Any, **named: Any) -> Any:
+        self._guard.look_at_start()
         result = self._solver.step(*arguments, **named)
         given = arguments[0] if arguments else named.get("dt")
         self._guard.look(math.nan if given is None else given)
         return result
 
     def advance(self, seconds: float, *rest: Any, **named: Any) -> Any:
+        self._guard.look_at_start()
         result = self._solver.advance(seconds, *rest, **named)
         self._guard.look(seconds, result)
         return result
@@ -157,6 +184,17 @@ class _Guard:
         self._moments: deque[Moment] = deque(maxlen=max(2, min(KEPT, ROOM // max(size, 1))))
         self._moments.append(Moment(0, 0.0, self._controls(math.nan), start))
 
+    def look_at_start(self) -> None:
+        """Look at the solver before its first step; later, do nothing."""
+        if self._step > 0 or not self._alert:
+            return
+        # it may have been changed since the watch began
+        start = self._state()
+        self._moments[0] = Moment(0, 0.0, self._controls(math.nan), start)
+        offender = find(_computed(start), self._limits)
+        if offender is not None:
+            self._trip(offender._replace(link="setup"))
+
     def look(self, dt: float, report: Any = None) -> None:
         """Look at the solver after a step of dt seconds; report: what a Simulation returned."""
         self._step, self._time = self._step + 1, self._time + float(dt)
@@ -165,12 +203,9 @@ class _Guard:
         state = self._state()
         if self._step == 1 and not self._given:
             self._limits = _limits(self._solver, state)
-        offender = (
-            self._bad_start()
-            or self._reported(state, report)
-            or _another_number(self._moments[-1].state, state)
-        )
-        if offender is None or offender.link != "setup":
+        offender = _another_number(self._moments[-1].state, state)
+        if offender is None:
+            offender = self._reported(state, report)
             self._moments.append(Moment(self._step, self._time, self._controls(dt), state))
             offender = offender or find(state, self._limits)
         if offender is not None:
@@ -193,19 +228,12 @@ class _Guard:
             return dt, stiffness, xsph
         return float(dt), math.nan, math.nan
 
-    def _bad_start(self) -> Offender | None:
-        """Return what isn't finite in the positions and velocities before the first step."""
-        start = self._moments[0].state
-        found = not_finite(State(start.x, start.v)) if self._step == 1 else None
-        return None if found is None else found._replace(link="setup")
-
     def _reported(self, state: State, report: Any) -> Offender | None:
         """Return what a Simulation says about a blow-up; its state is then the last finite one."""
         if report is None or not getattr(report, "diverged", False):
             return None
         i = report.bad_particle
-        limit = f"no blow-up; it was caused by {report.cause}"
-        return Offender(i, report.link, "x", state.x[i], limit)
+        return BlowUp(i, report.link, "x", state.x[i], explain(report))
 
     def _trip(self, offender: Offender) -> None:
         self._alert = False
@@ -246,8 +274,21 @@ def _limits(solver: Any, state: State) -> Limits:
 def _another_number(before: State, state: State) -> Offender | None:
     if state.x.shape == before.x.shape:
         return None
-    limit = f"{len(before.x)} particles as before, there are {len(state.x)}"
-    return Offender(-1, "setup", "x", float("nan"), limit)
+    text = (
+        f"the solver shows {len(state.x)} particles, one step before it showed {len(before.x)}. "
+        "It has to show the same particles in the same order at all times: let those that leave "
+        "stay in the arrays, and leave out those that come in later"
+    )
+    return OtherParticles(-1, "setup", "x", float("nan"), text)
+
+
+def _computed(state: State) -> State:
+    """Return the state without columns of which no value is a number: those aren't computed yet."""
+    others = state._asdict()
+    for name in ("rho", "p", "a"):
+        if others[name] is not None and np.isnan(others[name]).all():
+            others[name] = None
+    return State(**others)
 
 
 def _around(offender: Offender, moments: list[Moment]) -> list[str]:
@@ -268,7 +309,11 @@ def _around(offender: Offender, moments: list[Moment]) -> list[str]:
 def _parameters(solver: Any) -> dict[str, Any]:
     found: dict[str, Any] = {"solver": type(solver).__name__}
     if isinstance(solver, Simulation):
-        found |= {"scene": solver.scene, "dtype": solver.dtype, "mass": solver.mass}
+        return found | {"scene": solver.scene, "dtype": solver.dtype, "mass": solver.mass}
+    for name in CONSTANTS:
+        value = getattr(solver, name, None)
+        if isinstance(value, int | float | np.number) and math.isfinite(value):
+            found[name] = float(value)
     return found
 
 

@@ -15,12 +15,16 @@ from sph_gym.solver.checks import known
 
 
 def prepare(
-    chosen: Sequence[str] | None = None, folder: Path = manifest.FOLDER, redefine: bool = False
+    chosen: Sequence[str] | None = None,
+    folder: Path = manifest.FOLDER,
+    redefine: bool = False,
+    again: bool = False,
 ) -> list[Path]:
     """Write the manifests of the chosen environments, or of all, with a progress bar.
 
-    References that were computed before come from the cache on disk, so that it can be stopped
-    and run again. redefine: let ids of the present version mean other flows.
+    References that the folder or the cache on disk have are taken from there, and what is there is
+    written when it is stopped, so that it can be run again to go on. redefine: let ids of the
+    present version mean other flows; again: take no reference from the folder.
     Raises ValueError for an unknown name and, unless redefine, before anything is computed, if
     the folder has other flows under the same version; ImportError that names the extra to install.
     """
@@ -31,11 +35,15 @@ def prepare(
                 _check(name, folder)
         for name in names:
             bar.set_description(name)
+            listed = None if again else _listed(name, folder)
             rows = []
-            for id_, flow in _flows(name):
-                rows.append((id_, flow, _reference(id_, flow)))
-                bar.update()
-            manifest.write(name, rows, folder, sources())
+            try:
+                for id_, flow in _flows(name):
+                    rows.append((id_, flow, _reference(id_, flow, listed)))
+                    bar.update()
+            finally:
+                if rows and (listed is None or len(rows) >= len(listed.entries)):
+                    manifest.write(name, rows, folder, sources())
     return [folder / f"{name}.json" for name in names]
 
 
@@ -54,10 +62,7 @@ def _names(chosen: Sequence[str] | None) -> list[str]:
 
 def _check(name: str, folder: Path) -> None:
     """Raise ValueError if an id of the present version would come to mean another flow."""
-    try:
-        there = manifest.load(name, folder)
-    except OSError:  # of another version, or damaged: to be replaced
-        return
+    there = _listed(name, folder)
     listed = {} if there is None else there.entries
     for id_, flow in _flows(name):
         if listed.get(id_, flow) != flow:
@@ -65,6 +70,14 @@ def _check(name: str, folder: Path) -> None:
                 f"manifest: {id_} means another flow in {manifest.VERSION}: give the manifests a "
                 "new VERSION in sph_gym/env/manifest.py, or say --redefine"
             )
+
+
+def _listed(name: str, folder: Path) -> manifest.Manifest | None:
+    """Return the manifest that is there; None if it is of another version or damaged."""
+    try:
+        return manifest.load(name, folder)
+    except OSError:
+        return None
 
 
 def _flows(name: str) -> Iterator[tuple[str, Entry]]:
@@ -76,5 +89,7 @@ def _flows(name: str) -> Iterator[tuple[str, Entry]]:
             yield id_, Entry(drawn, fingerprint(Instance(id_, drawn).build()))
 
 
-def _reference(id_: str, flow: Entry) -> dict[str, Any]:
+def _reference(id_: str, flow: Entry, listed: manifest.Manifest | None) -> dict[str, Any]:
+    if listed is not None and listed.entries.get(id_) == flow:
+        return listed.arrays(id_)
     return as_arrays(reference(Instance(id_, flow.drawn).build()))

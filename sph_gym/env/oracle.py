@@ -29,12 +29,12 @@ class Search(NamedTuple):
     hold: int = 2
     courant: tuple[float, ...] = (0.75, 1.0)
     sound: tuple[float, ...] = (0.1, 0.2, 0.4, 0.8)
-    xsph: tuple[float, ...] = (0.0, 0.1, 0.3, 0.6)
+    xsph: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7)
     near: float = 0.2
 
 
 FULL = Search()
-COARSE = Search(width=2, hold=4, courant=(0.9,), xsph=(0.1, 0.3))
+COARSE = Search(width=2, hold=4, courant=(0.9,), xsph=(0.2, 0.5))
 
 
 class Step(NamedTuple):

@@ -16,7 +16,7 @@ from sph_gym.solver.images import (
     through_pane,
     turned,
 )
-from sph_gym.solver.jit import jitable
+from sph_gym.solver.jit import inlined, jitable
 from sph_gym.solver.kernels import primitive, weight
 from sph_gym.solver.lanes import (
     broadcast,
@@ -287,7 +287,7 @@ def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
     return k, walled
 
 
-@jitable
+@inlined
 def list_group(cells, grid, constants, i, n, k, room):
     """Write down the neighbours of a group of at most n. Return its size and the list's end."""
     fluid, lists = cells.fluid, cells.lists

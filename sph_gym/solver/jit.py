@@ -194,6 +194,15 @@ def jitable(function: Function) -> Function:
     return register_jitable(**OPTIONS)(function)
 
 
+def inlined(function: Function) -> Function:
+    """Make a `jitable` helper that is always made part of its callers' machine code.
+
+    For helpers that work on many arrays and are called once a group: LLVM finds some of them too
+    long, and a call hands over every array in seven words on the stack.
+    """
+    return register_jitable(**OPTIONS, forceinline=True)(function)
+
+
 class Family(Protocol):
     """A function whose implementation depends on the class of its first argument."""
 

@@ -91,7 +91,7 @@ class StaticGrid(NamedTuple):
     """Static settings that are tried: sound speeds in multiples of c0, epsilons, finest step."""
 
     sound: tuple[float, ...] = tuple(np.geomspace(0.1, 1.25, 18).tolist())
-    xsph: tuple[float, ...] = (0.05, 0.3, 0.55)
+    xsph: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7)
     substeps: int = 40
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sph_gym.solver.checks import known
+from sph_gym.solver.diagnostics import CLUMPED
 from sph_gym.solver.scene import Scene
-from sph_gym.solver.simulation import Simulation
+from sph_gym.view.state import Shown, columns_of, spacings
 
 Rgb = tuple[int, int, int]
 Bytes = NDArray[np.uint8]
@@ -22,9 +23,12 @@ MUTED: Rgb = (116, 123, 134)
 WALL: Rgb = (201, 205, 211)
 EDGE: Rgb = (112, 119, 130)
 ARROW: Rgb = (214, 40, 57)
+VELOCITY: Rgb = (20, 90, 170)
 # Particles whose value isn't a number, and the index at which a palette has this colour.
 BAD: Rgb = (255, 0, 144)
 BAD_INDEX = 256
+# A distance [dx] that stands for "nobody near".
+FAR = 100.0
 
 
 def interpolated(anchors: str) -> Bytes:
@@ -52,15 +56,17 @@ class Quantity(NamedTuple):
     """A quantity by which particles are coloured.
 
     label and unit ("" for a bare number) as they stand at the colour bar; palette: (256, 3)
-    uint8; values: of a simulation, (n_fluid,) in that unit; limits: of a scene, the values at
-    the ends of the palette, fixed for a run so that a colour means the same in every frame.
+    uint8; values: of a state, (n_fluid,) in that unit; limits: of a scene, the values at
+    the ends of the palette, fixed for a run so that a colour means the same in every frame;
+    needs: columns that a recording must have for it.
     """
 
     label: str
     unit: str
     palette: Bytes
-    values: Callable[[Simulation], NDArray[Any]]
+    values: Callable[[Shown], NDArray[Any]]
     limits: Callable[[Scene], tuple[float, float]]
+    needs: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -83,26 +89,70 @@ def _neighbor_limits(scene: Scene) -> tuple[float, float]:
     return 0.0, float(math.ceil(1.5 * on_lattice))
 
 
-def _speed(sim: Simulation) -> NDArray[Any]:
-    return np.hypot(*sim.v[: sim.n_fluid].T)
+def _speed(state: Shown) -> NDArray[Any]:
+    return np.hypot(*state.v[: state.n_fluid].T)
+
+
+def _density(state: Shown) -> NDArray[Any]:
+    return state.rho[: state.n_fluid] / state.scene.fluid.rho0
+
+
+def _density_error(state: Shown) -> NDArray[Any]:
+    # not np.fmax: NaN must stay visible
+    return 100 * np.maximum(_density(state) - 1.0, 0.0)
+
+
+def _near(state: Shown) -> NDArray[Any]:
+    # lone particles have no nearest one: as far as can be is the honest colour, not "no number"
+    return np.minimum(spacings(state), FAR)
+
+
+def _energy(state: Shown) -> NDArray[Any]:
+    """Return the energy per mass: kinetic, and elastic as in sound, c^2 (rho/rho0 - 1)^2 / 2.
+
+    A recording without densities or stiffness shows the kinetic part alone.
+    """
+    kinetic = 0.5 * _speed(state) ** 2
+    if "rho" not in columns_of(state) or not math.isfinite(state.sound_speed):
+        return kinetic
+    strain = _density(state) - 1.0
+    if state.scene.fluid.clamp:
+        strain = np.maximum(strain, 0.0)
+    return kinetic + 0.5 * (state.sound_speed * strain) ** 2
 
 
 QUANTITIES: dict[str, Quantity] = {
     "speed": Quantity("speed", "m/s", VIRIDIS, _speed, lambda scene: (0.0, velocity_scale(scene))),
     "density": Quantity(
-        "density / rest density",
-        "",
-        BLUE_AMBER,
-        lambda sim: sim.rho[: sim.n_fluid] / sim.scene.fluid.rho0,
-        lambda scene: (0.9, 1.1),
+        "density / rest density", "", BLUE_AMBER, _density, lambda scene: (0.9, 1.1), ("rho",)
+    ),
+    "density_error": Quantity(
+        "density above rest", "%", VIRIDIS, _density_error, lambda scene: (0.0, 5.0), ("rho",)
     ),
     "pressure": Quantity(
-        "pressure", "Pa", VIRIDIS, lambda sim: sim.p[: sim.n_fluid], _pressure_limits
+        "pressure", "Pa", VIRIDIS, lambda state: state.p[: state.n_fluid], _pressure_limits, ("p",)
     ),
     "neighbors": Quantity(
-        "neighbours", "", VIRIDIS, lambda sim: sim.neighbor_counts, _neighbor_limits
+        "neighbours", "", VIRIDIS, lambda state: state.neighbor_counts, _neighbor_limits
+    ),
+    # the scale ends where particles count as clumped, so that these stand out as its first colour
+    "clumping": Quantity(
+        "distance to the nearest / dx", "", VIRIDIS, _near, lambda scene: (CLUMPED, 1.0)
+    ),
+    "energy": Quantity(
+        "kinetic + elastic energy",
+        "J/kg",
+        VIRIDIS,
+        _energy,
+        lambda scene: (0.0, 0.5 * velocity_scale(scene) ** 2),
     ),
 }
+
+
+def available(state: Shown) -> list[str]:
+    """Return the names of the quantities that a state can show, in the order of `QUANTITIES`."""
+    columns = columns_of(state)
+    return [name for name, shown in QUANTITIES.items() if columns.issuperset(shown.needs)]
 
 
 def quantity(name: str) -> Quantity:

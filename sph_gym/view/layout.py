@@ -73,6 +73,12 @@ class Layout(NamedTuple):
         origin = np.array([self.view.x_min, self.view.y_max])
         return (np.asarray(x, dtype=float) - origin) * (self.scale, -self.scale)
 
+    def metres(self, pixel: tuple[float, float]) -> NDArray[np.float64]:
+        """Return the place (2,) [m] of a pixel, counted from the picture's upper left corner."""
+        across, down = pixel[0] - self.domain.left, pixel[1] - self.domain.top
+        x = self.view.x_min + across / self.scale
+        return np.array([x, self.view.y_max - down / self.scale])
+
 
 def view_bounds(scene: Scene) -> View:
     """Return what to show for a whole run: walls and fluid, or the blob and space around it."""
@@ -97,11 +103,12 @@ def view_bounds(scene: Scene) -> View:
     return View(x_min - margin, x_max + margin, y_min - margin, y_max + margin)
 
 
-def arrange(scene: Scene, size: int | tuple[int, int]) -> Layout:
+def arrange(scene: Scene, size: int | tuple[int, int], bounds: View | None = None) -> Layout:
     """Return the layout of a picture of a scene.
 
     size: width [pixels], from which the height follows, or width and height; odd numbers are
-    rounded up. Raises ValueError for sizes that leave no room.
+    rounded up; bounds: what to show [m], by default `view_bounds`. Raises ValueError for sizes that
+    leave no room.
     """
     width, height = requested(size)
     em = max(9, round(5 + width / 90))
@@ -110,7 +117,7 @@ def arrange(scene: Scene, size: int | tuple[int, int]) -> Layout:
     text_width = room - bar_width - 2 * em
     n_rows = control_rows(text_width, em) + N_LINES
     header, footer = round(2.4 * em), round((1.1 + LINE * n_rows) * em)
-    bounds = view_bounds(scene)
+    bounds = view_bounds(scene) if bounds is None else bounds
     height = total_height(height, header + footer, room * bounds.height / bounds.width, room)
     domain = Area(em, header, room, height - header - footer)
     scale = min(room / bounds.width, domain.height / bounds.height)

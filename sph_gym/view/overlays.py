@@ -1,15 +1,15 @@
 """Drawings around and over the fluid: walls, arrows, the colour bar, the controls."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver.scene import Scene
-from sph_gym.solver.simulation import Simulation
-from sph_gym.view.colors import ARROW, EDGE, Quantity, ticks, velocity_scale
+from sph_gym.view.colors import EDGE, Quantity, Rgb, ticks, velocity_scale
 from sph_gym.view.layout import FIELD, LINE, Layout, control_rows
+from sph_gym.view.state import Shown
 from sph_gym.view.toolkit import Lettering, load, sprite
 
 if TYPE_CHECKING:
@@ -17,6 +17,16 @@ if TYPE_CHECKING:
 
 # More arrows than this hide the fluid; the same particles carry them in every frame.
 MAX_ARROWS = 200
+# Stands for a number that a recording doesn't have.
+UNKNOWN = "?"
+
+
+class ArrowUnit(NamedTuple):
+    """The meaning of an arrow: `size`, in `unit`, is one of unit length; color: of its kind."""
+
+    size: float
+    unit: str
+    color: Rgb
 
 
 def significant(value: float, digits: int = 3) -> str:
@@ -35,6 +45,12 @@ def seconds(dt: float) -> str:
         if dt >= 0.9995 * size:
             return f"{significant(dt / size)} {unit}"
     return f"{significant(dt / 1e-6)} µs"
+
+
+def clock(time: float, frame: float) -> str:
+    """Return a time in seconds, with digits enough to tell two frames apart; at least three."""
+    decimals = 3 if frame >= 1e-3 else min(math.ceil(-math.log10(frame)) + 1, 9)
+    return f"{time:.{decimals}f} s"
 
 
 def draw_box(surface: "Surface", layout: Layout, scene: Scene) -> None:
@@ -73,9 +89,14 @@ def arrow_unit(scene: Scene, a: NDArray[Any]) -> float:
     if scene.effects.field is not None:
         reach = float(np.abs(np.asarray(scene.x)).max())
         typical = max(typical, scene.effects.field.strongest(reach))
-    power = 10.0 ** math.floor(math.log10(typical))
+    return round_above(typical)
+
+
+def round_above(value: float) -> float:
+    """Return the first of 1, 2, 5, 10, ... times a power of ten that is not below the value."""
+    power = 10.0 ** math.floor(math.log10(value))
     # a little leeway, or round-off would lift a round number to the next
-    return next(power * step for step in (1, 2, 5, 10) if power * step >= 0.999 * typical)
+    return next(power * step for step in (1, 2, 5, 10) if power * step >= 0.999 * value)
 
 
 def arrow_length(layout: Layout, dx: float, n: int) -> float:
@@ -93,7 +114,7 @@ def arrow_carriers(n: int) -> NDArray[np.int64]:
 
 
 def draw_arrows(
-    surface: "Surface", start: NDArray[Any], along: NDArray[Any], longest: float
+    surface: "Surface", start: NDArray[Any], along: NDArray[Any], longest: float, color: Rgb
 ) -> None:
     """Draw arrows from (n, 2) pixels along (n, 2) vectors [pixels], cut off at `longest`."""
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -108,9 +129,9 @@ def draw_arrows(
     pygame = load()
     parts = (part.tolist() for part in (start, neck, tip, neck + side, neck - side))
     for foot, end, point, left, right in zip(*parts, strict=True):
-        pygame.draw.aaline(surface, ARROW, foot, end)
-        pygame.draw.polygon(surface, ARROW, (point, left, right))
-        pygame.draw.aalines(surface, ARROW, True, (point, left, right))
+        pygame.draw.aaline(surface, color, foot, end)
+        pygame.draw.polygon(surface, color, (point, left, right))
+        pygame.draw.aalines(surface, color, True, (point, left, right))
 
 
 def draw_color_bar(
@@ -140,15 +161,21 @@ def draw_color_bar(
         lettering.draw(surface, text, middle, bar_top + bar_height + 4, align=0.5)
 
 
+def _epsilon(xsph: float, scene: Scene) -> str:
+    if not math.isfinite(xsph):
+        return UNKNOWN
+    return f"{xsph:.2f}" if scene.effects.xsph else "off"
+
+
 def draw_controls(
-    surface: "Surface", layout: Layout, sim: Simulation, names: Lettering, values: Lettering
+    surface: "Surface", layout: Layout, sim: Shown, names: Lettering, values: Lettering
 ) -> int:
     """Draw dt, sound speed and xsph, each at a fixed place; return the rows that they took."""
     dt, _, xsph = sim.controls
     shown = {
-        "dt": seconds(dt),
-        "c": f"{significant(sim.sound_speed)} m/s",
-        "xsph": f"{xsph:.2f}" if sim.scene.effects.xsph else "off",
+        "dt": seconds(dt) if math.isfinite(dt) else UNKNOWN,
+        "c": f"{significant(sim.sound_speed)} m/s" if math.isfinite(sim.sound_speed) else UNKNOWN,
+        "xsph": _epsilon(xsph, sim.scene),
     }
     left, top, width, _ = layout.footer
     n_rows = control_rows(width, layout.em)

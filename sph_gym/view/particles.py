@@ -57,13 +57,17 @@ class Discs:
         size = np.array(surface.get_size())
         with np.errstate(invalid="ignore"):
             inside = ((at > -self._half) & (at < size + self._half)).all(axis=1)
-        steps = np.floor(at[inside] * self._phases + 0.5).astype(np.int64)
-        pixel, phase = np.divmod(steps, self._phases)
+        at, chosen = (at, index) if inside.all() else (at[inside], index[inside])
+        steps = np.floor(at * self._phases + 0.5).astype(np.int64)
+        pixel = steps // self._phases
+        phase = steps - pixel * self._phases
         variant = phase[:, 1] * self._phases + phase[:, 0]
-        chosen = index[inside]
-        self._prepare(chosen)
-        sprites = self._sprites[chosen, variant].tolist()
-        surface.fblits(list(zip(sprites, (pixel - self._half).tolist(), strict=True)))
+        if not self._drawn[chosen].all():
+            self._prepare(chosen)
+        sprites = self._sprites.ravel().take(chosen * self._phases**2 + variant).tolist()
+        # pairs of plain numbers, since 5,000 small lists would keep the garbage collector busy
+        left, top = (pixel - self._half).T.tolist()
+        surface.fblits(list(zip(sprites, zip(left, top, strict=True), strict=True)))
 
     def _prepare(self, chosen: NDArray[Any]) -> None:
         """Draw the discs of the colours that weren't wanted before."""

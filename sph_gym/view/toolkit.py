@@ -1,5 +1,6 @@
 """The drawing library, imported on first use, and lettering that looks the same everywhere."""
 
+import math
 import os
 import threading
 from functools import lru_cache
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 OVERSAMPLED = 8
 # pygame's own font is given a size that is scaled by this to get at the em.
 FONT_SCALE = 0.6875
+# So many texts are kept: most of them stand there for a whole run.
+KEPT = 2000
 GREETING = "PYGAME_HIDE_SUPPORT_PROMPT"
 
 _font_lock = threading.Lock()
@@ -75,10 +78,16 @@ class Lettering:
         self.color = color
         self.bold = bold
         self._sprites: dict[tuple[str, int], Surface] = {}
+        self._widths: dict[str, float] = {}
+        self._placed: dict[tuple[str, float], list[tuple[Surface, int]]] = {}
 
     def width(self, text: str) -> float:
         """Return the width of the text [pixels]."""
-        return sum(_glyph(char, self.em, self.bold)[1] for char in text)
+        if text not in self._widths:
+            if len(self._widths) >= KEPT:
+                self._widths.clear()
+            self._widths[text] = sum(_glyph(char, self.em, self.bold)[1] for char in text)
+        return self._widths[text]
 
     def fitted(self, text: str, room: float) -> str:
         """Return the text, cut off with an ellipsis if it is wider than `room` [pixels]."""
@@ -94,13 +103,23 @@ class Lettering:
         Returns the x [pixels] at which the text ends.
         """
         pen = x - align * self.width(text)
-        placed = []
-        for char in text:
-            whole, part = divmod(round(pen * OVERSAMPLED), OVERSAMPLED)
-            placed.append((self._sprite(char, part), (whole, round(y))))
-            pen += _glyph(char, self.em, self.bold)[1]
-        surface.fblits(placed)
-        return pen
+        start, top = math.floor(pen), round(y)
+        line = self._line(text, pen - start)
+        surface.fblits([(glyph, (start + offset, top)) for glyph, offset in line])
+        return pen + self.width(text)
+
+    def _line(self, text: str, pen: float) -> "list[tuple[Surface, int]]":
+        """Return the glyphs of a text that begins at a part of a pixel, and their places."""
+        key = text, pen
+        if key not in self._placed:
+            if len(self._placed) >= KEPT:
+                self._placed.clear()
+            self._placed[key] = placed = []
+            for char in text:
+                whole, part = divmod(round(pen * OVERSAMPLED), OVERSAMPLED)
+                placed.append((self._sprite(char, part), whole))
+                pen += _glyph(char, self.em, self.bold)[1]
+        return self._placed[key]
 
     def _sprite(self, char: str, part: int) -> "Surface":
         key = char, part

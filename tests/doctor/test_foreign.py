@@ -9,6 +9,13 @@ import pytest
 from sph_gym.doctor import check_solver
 from sph_gym.doctor.case import DX, case, lattice
 from sph_gym.doctor.foreign.boundary import boundary
+from sph_gym.doctor.foreign.shared import (
+    configure,
+    in_plane,
+    in_space,
+    only_open_space,
+    require,
+)
 
 
 def adapter(name, package):
@@ -88,3 +95,35 @@ def test_a_floor_reaches_beyond_the_fluid():
     assert found[:, 0].min() < x[:, 0].min() - 20 * DX
     assert found[:, 0].max() > x[:, 0].max() + 20 * DX
     assert np.unique(found[:, 1]).size == 3
+
+
+def test_a_package_that_is_too_new_is_refused_and_says_why():
+    require("numpy", (999,), "")
+    with pytest.raises(ImportError, match=r"numpy: expected version 0\.1 at most, got .*: too new"):
+        require("numpy", (0, 1), "too new")
+    with pytest.raises(OSError, match="libnothing"):
+        require("numpy", (999,), "", library="libnothing.so.7")
+
+
+def test_cases_with_walls_are_left_out_where_there_are_none():
+    only_open_space(case(lattice(2, 2)), "no walls")
+    with pytest.raises(NotImplementedError, match="no walls"):
+        only_open_space(case(lattice(2, 2), box=(-1, 1, -1, 1)), "no walls")
+
+
+def test_planes_and_space():
+    x = lattice(3, 2)
+    assert in_space(x).shape == (6, 3)
+    np.testing.assert_array_equal(in_plane(in_space(x)), x)
+    np.testing.assert_array_equal(in_plane(np.arange(6.0)), np.arange(6.0))
+    kept = np.zeros((6, 3))
+    in_plane(kept)[2, 1] = 5.0
+    assert kept[2, 1] == 5.0
+
+
+def test_settings_are_made_in_their_order():
+    made = []
+    configure(
+        (lambda *given: made.append(given), 3, 0.5), (lambda *given: made.append(given), 4, 1)
+    )
+    assert made == [(3, 0.5), (4, 1)]

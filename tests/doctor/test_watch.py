@@ -100,7 +100,10 @@ def test_what_begins_wrong_is_no_fault_of_a_step():
     stub.v[3] = np.nan
     with pytest.raises(Tripped) as caught:
         run(stub)
-    assert (caught.value.link, caught.value.particle) == ("setup", 3)
+    found = caught.value
+    assert (found.link, found.particle, found.step) == ("setup", 3, 0)
+    assert str(found).startswith("before the first step (t = 0 s): particle 3, ")
+    assert stub.n == 0
 
 
 def test_a_box_and_other_limits():
@@ -109,16 +112,41 @@ def test_a_box_and_other_limits():
     assert caught.value.link == "walls"
     with pytest.raises(Tripped) as caught:
         run(Stub(), limits=Limits(speed=0.1))
-    assert (caught.value.step, caught.value.offender.quantity) == (1, "speed")
+    assert (caught.value.step, caught.value.offender.quantity) == (0, "speed")
+    with pytest.raises(Tripped) as caught:
+        run(Stub(set_("v", 2, 5.0), step=3), limits=Limits(speed=1.0))
+    assert (caught.value.step, caught.value.particle) == (3, 2)
 
 
 def test_another_number_of_particles():
     def wrong(stub):
         stub.x, stub.v = stub.x[:-1], stub.v[:-1]
 
-    with pytest.raises(Tripped, match="9 particles as before, there are 8") as caught:
+    with pytest.raises(Tripped, match="shows 8 particles, one step before it showed 9") as caught:
         run(Stub(wrong))
     assert caught.value.link == "setup"
+    assert "nan" not in str(caught.value)
+    assert "particle -1" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["rho", "p", "a"])
+def test_a_field_that_is_bad_at_the_start_is_no_fault_of_a_step(name):
+    stub = Stub()
+    getattr(stub, name)[5] = np.inf
+    with pytest.raises(Tripped) as caught:
+        run(stub)
+    found = caught.value
+    assert (found.link, found.particle, found.step) == ("setup", 5, 0)
+    assert found.offender.quantity == name
+
+
+def test_what_was_repaired_before_the_first_step_is_no_fault():
+    stub = Stub()
+    stub.v[3] = np.nan
+    watched = watch(stub)
+    stub.v[3] = 0.1
+    watched.step(1e-3)
+    assert stub.n == 1
 
 
 def test_a_callback_is_called_once_and_the_run_goes_on():
@@ -154,10 +182,28 @@ def test_a_healthy_solver_is_left_in_peace():
     np.testing.assert_array_equal(watched.x, bare.x)
 
 
-def test_densities_that_are_not_computed_yet_are_no_fault():
-    stub = Stub(set_("rho", slice(None), 1000.0), step=3)
-    stub.rho = np.zeros(9)
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_densities_that_are_not_computed_yet_are_no_fault(value):
+    stub = Stub(set_("rho", slice(None), 1000.0), step=1)
+    stub.rho = np.full(9, value)
     run(stub)
+
+
+def test_densities_that_are_never_computed_are_a_fault():
+    stub = Stub()
+    stub.rho = np.full(9, np.nan)
+    with pytest.raises(Tripped) as caught:
+        run(stub)
+    assert (caught.value.link, caught.value.step) == ("density", 1)
+
+
+def test_numbers_of_the_solver_are_in_the_file(tmp_path):
+    path = tmp_path / "trace.npz"
+    with pytest.raises(Tripped):
+        run(Stub(set_("rho", 4, np.nan)), path=path)
+    told = trajectory.read(path).parameters
+    assert (told["solver"], told["c0"]) == ("Stub", 20.0)
+    assert "h" not in told
 
 
 def test_a_simulation_is_watched_by_its_reports(tmp_path):
@@ -166,10 +212,12 @@ def test_a_simulation_is_watched_by_its_reports(tmp_path):
     watched = watch(sim, path)
     watched.advance(0.01)
     watched.controls = watched.controls._replace(dt=0.05)
-    with pytest.raises(Tripped, match="it was caused by cfl") as caught:
+    with pytest.raises(Tripped, match=r"the run blew up: .*time step.*cause cfl") as caught:
         watched.advance(1.0)
     report = sim.last_report
     assert (caught.value.link, caught.value.particle) == (report.link, report.bad_particle)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert str(again) == str(caught.value)
     read = trajectory.read(path)
     assert read.parameters["scene"]["name"] == "hydrostatic_tank"
     assert read.controls[-1, 0] == 0.05

@@ -8,7 +8,8 @@ import pytest
 
 from sph_gym import Simulation, scenes
 from sph_gym.view import Window
-from sph_gym.view.window import UNSEEN
+from sph_gym.view.colors import QUANTITIES
+from sph_gym.view.display import UNSEEN
 
 
 @pytest.fixture
@@ -100,7 +101,15 @@ def test_all_colors_come_round(open_window, late):
     window = open_window()
     window.show(late)
     first = screen()
-    press(*[pygame.K_c] * 4)
+    press(*[pygame.K_c] * len(QUANTITIES))
+    window.show(late)
+    np.testing.assert_array_equal(screen(), first)
+    press(pygame.K_c)
+    window.show(late)
+    assert (screen() != first).any()
+    pygame.event.post(
+        pygame.event.Event(pygame.KEYDOWN, key=pygame.K_c, mod=pygame.KMOD_LSHIFT, unicode="C")
+    )
     window.show(late)
     np.testing.assert_array_equal(screen(), first)
 

@@ -10,21 +10,24 @@ Raises ImportError for later versions, whose bindings crash without a scene file
 the system has no libGL.so.1.
 """
 
-import ctypes
-from importlib.metadata import version
-
 import numpy as np
 
-if tuple(map(int, version("pysplishsplash").split(".")[:2])) > (2, 17):
-    raise ImportError("pysplishsplash: expected version 2.17.0, later ones need a scene file")
-# the wheel brings a part of OpenGL's libraries and crashes unless the system's are there before
-ctypes.CDLL("libGL.so.1")
-import pysplishsplash as splash  # noqa: E402
+from sph_gym.doctor.case import Array, Case
+from sph_gym.doctor.foreign.shared import (
+    configure,
+    in_plane,
+    in_space,
+    only_open_space,
+    require,
+)
 
-from sph_gym.doctor.case import Array, Case  # noqa: E402
+# the wheel brings a part of OpenGL's libraries
+require("pysplishsplash", (2, 17), "they need a scene file", library="libGL.so.1")
+import pysplishsplash as splash  # noqa: E402
 
 # The area of a particle in squares of its diameter.
 AREA = 0.8
+FIELDS = ("position", "velocity", "density", "pressure")
 
 
 class Splash:
@@ -34,41 +37,37 @@ class Splash:
     """
 
     def __init__(self, case: Case) -> None:
-        if case.box is not None:
-            raise NotImplementedError("its walls are meshes of a scene file")
+        only_open_space(case, "its walls are meshes of a scene file")
         # the current simulation is the package's own; without one, it makes and keeps a new one
         splash.Simulation.setCurrent(None)
         self.simulation, self.radius = splash.Simulation.getCurrent(), case.h / 4
-        self.simulation.init(self.radius, True)
         # masses follow from the radius of this moment
-        self.simulation.setParticleRadius(case.dx / 2 / AREA**0.5)
-        flat = [(0, 0), (0, 1)]
-        x, v = (splash.Utilities.VecVector3r(np.pad(each, flat)) for each in (case.x, case.v))
-        self.simulation.addFluidModel("Fluid", x, v, [0] * case.n, 0)
+        self.simulation.init(case.dx / 2 / AREA**0.5, True)
+        start = [splash.Utilities.VecVector3r(in_space(each)) for each in (case.x, case.v)]
+        self.simulation.addFluidModel("Fluid", *start, [0] * case.n, 0)
         self.fluid = self.simulation.getFluidModel(0)
         self.fluid.setDensity0(case.rho0)
-        self.simulation.setParticleRadius(self.radius)
         self.simulation.setSimulationMethod(splash.SimulationMethods.WCSPH)
-        self.simulation.setValueBool(splash.Simulation.ENABLE_Z_SORT, False)
-        self.simulation.setVec3ValueReal(splash.Simulation.GRAVITATION, [*case.gravity, 0.0])
-        self.scheme, viscosity = self.simulation.getTimeStep(), self.fluid.getViscosityBase()
-        self.scheme.setValueFloat(self.scheme.STIFFNESS, case.rho0 * case.c0**2 / case.gamma)
-        self.scheme.setValueFloat(self.scheme.EXPONENT, case.gamma)
-        viscosity.setValueFloat(viscosity.VISCOSITY_COEFFICIENT, case.viscosity)
-        x, v, self.rho, self.p = (
-            np.asarray(self.fluid.getFieldBuffer(name))
-            for name in ("position", "velocity", "density", "pressure")
+        scheme, viscosity = self.simulation.getTimeStep(), self.fluid.getViscosityBase()
+        configure(
+            (self.simulation.setValueBool, self.simulation.ENABLE_Z_SORT, False),
+            (self.simulation.setVec3ValueReal, self.simulation.GRAVITATION, [*case.gravity, 0.0]),
+            (scheme.setValueFloat, scheme.STIFFNESS, case.rho0 * case.c0**2 / case.gamma),
+            (scheme.setValueFloat, scheme.EXPONENT, case.gamma),
+            (viscosity.setValueFloat, viscosity.VISCOSITY_COEFFICIENT, case.viscosity),
         )
-        self.x, self.v = x[:, :2], v[:, :2]
+        self.x, self.v, self.rho, self.p = (
+            in_plane(self.fluid.getFieldBuffer(name)) for name in FIELDS
+        )
         self.evaluate()
 
     def step(self, dt: float) -> None:
-        """Advance by dt [s]."""
-        if splash.Simulation.getCurrent() is not self.simulation:
-            splash.Simulation.setCurrent(self.simulation)
-            self.simulation.setParticleRadius(self.radius)
+        """Advance by dt [s]; a step of 0 s renews everything that is shown."""
+        # kernels belong to the process: another solver may have set theirs
+        splash.Simulation.setCurrent(self.simulation)
+        self.simulation.setParticleRadius(self.radius)
         splash.TimeManager.getCurrent().setTimeStepSize(dt)
-        self.scheme.step()
+        self.simulation.getTimeStep().step()
 
     def evaluate(self) -> None:
         """Renew everything that is shown."""

@@ -1,0 +1,48 @@
+"""What adapters of published packages have in common: any of them may use it."""
+
+import ctypes
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from sph_gym.doctor.case import Array, Case
+
+
+def require(package: str, newest: tuple[int, ...], why: str, library: str = "") -> None:
+    """Raise ImportError for a package that is newer than it may be; load a library before it.
+
+    newest: the first numbers of its version; why: later ones don't do; library: of the system, such
+    as "libGL.so.1", for packages that bring a part of it and crash unless it is there already.
+    Raises OSError if the system doesn't have it.
+    """
+    found = version(package)
+    if tuple(map(int, found.split(".")[: len(newest)])) > newest:
+        wanted = ".".join(map(str, newest))
+        raise ImportError(f"{package}: expected version {wanted} at most, got {found}: {why}")
+    if library:
+        ctypes.CDLL(library)
+
+
+def only_open_space(case: Case, why: str) -> None:
+    """Raise NotImplementedError for a case with walls, which the doctor then leaves out."""
+    if case.box is not None:
+        raise NotImplementedError(why)
+
+
+def in_space(vectors: Array) -> Array:
+    """Return (n, 3) vectors with z = 0, for packages that know three dimensions only."""
+    return np.pad(vectors, [(0, 0), (0, 1)])
+
+
+def in_plane(values: Any) -> Array:
+    """Return x and y of (n, 3) vectors, and (n,) numbers as they are; views where that can be."""
+    array = np.asarray(values)
+    return array[:, :2] if array.ndim == 2 else array
+
+
+def configure(*settings: tuple[Callable[..., Any], Any, Any]) -> None:
+    """Set parameters that a package keeps under ids: call (set)(id, value) for each in turn."""
+    for set_value, name, value in settings:
+        set_value(name, value)

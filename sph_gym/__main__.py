@@ -354,6 +354,8 @@ def _add_manifest(commands: Any) -> None:
     add("--output", metavar="FOLDER", help="by default, where sph_gym reads them")
     text = "let ids mean other flows than those of the same version did"
     add("--redefine", action="store_true", help=text)
+    text = "compute all references, also those that the folder has"
+    add("--again", action="store_true", help=text)
     add("--stamp", action="store_true", help="only write the digests of what is there anew")
 
 
@@ -365,7 +367,7 @@ def _manifest(options: argparse.Namespace) -> int:
     if options.stamp:
         print(*stamp(options.scenes, folder), sep="\n")
     else:
-        print(*prepare(options.scenes, folder, options.redefine), sep="\n")
+        print(*prepare(options.scenes, folder, options.redefine, options.again), sep="\n")
     return 0
 
 

@@ -128,6 +128,39 @@ def test_preparing_writes_what_is_read(tmp_path, monkeypatch):
     assert made.digests == manifest.current(made)
 
 
+def test_a_manifest_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
+    """On a short set, of flows whose references are quick to make up."""
+    monkeypatch.setattr(build_manifests, "SIZES", {"nominal": 1, "val": 3})
+    asked = []
+
+    def compute(scene):
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        asked.append(fingerprint(scene))
+        arrays = made_up(references.n_frames(scene) + 1, seed=len(asked))
+        return references._from_arrays(arrays)
+
+    monkeypatch.setattr(build_manifests, "reference", compute)
+    command = ["manifest", "--scenes", "relaxation", "--output", str(tmp_path)]
+    assert main(command) == 130
+    begun = manifest.load("relaxation", tmp_path)
+    assert list(begun.entries) == ["relaxation/nominal/0", "relaxation/val/0"]
+    first = begun.arrays("relaxation/val/0")["kinetic"]
+    monkeypatch.setattr(build_manifests, "reference", lambda scene: compute_all(scene, asked))
+    assert main(command) == 0
+    done = manifest.load("relaxation", tmp_path)
+    assert len(done.entries) == len(set(asked)) == 4
+    # what was written once stays as it is, to the rounding
+    assert done.arrays("relaxation/val/0")["kinetic"] == pytest.approx(first, rel=1e-3, abs=1e-3)
+    assert main([*command, "--again"]) == 0
+    assert len(asked) == 8
+
+
+def compute_all(scene, asked):
+    asked.append(fingerprint(scene))
+    return references._from_arrays(made_up(references.n_frames(scene) + 1, seed=len(asked)))
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A copy of a shipped manifest."""
@@ -177,13 +210,13 @@ def test_no_change_goes_unseen(folder, change, monkeypatch):
 
 def test_ids_of_a_version_are_not_given_another_meaning(folder, monkeypatch, capsys):
     monkeypatch.setattr(build_manifests, "SIZES", {"nominal": 1})
-    monkeypatch.setattr(build_manifests, "_reference", lambda id_, flow: pytest.fail("too late"))
+    monkeypatch.setattr(build_manifests, "_reference", lambda *given: pytest.fail("too late"))
     edit(folder, '{"dx": 0.03}', '{"dx": 0.05}')
     command = ["manifest", "--scenes", "relaxation", "--output", str(folder)]
     assert main(command) == 2
     assert "relaxation/nominal/0 means another flow in v1" in capsys.readouterr().err
     reference = references.as_arrays(references.reference(instances.parse(IDS[0]).build(), IDS[0]))
-    monkeypatch.setattr(build_manifests, "_reference", lambda id_, flow: reference)
+    monkeypatch.setattr(build_manifests, "_reference", lambda *given: reference)
     assert main([*command, "--redefine"]) == 0
     made = manifest.load("relaxation", folder)
     assert made.entries == {"relaxation/nominal/0": manifest.entry("relaxation/nominal/0")}

@@ -235,6 +235,21 @@ def test_the_runs_of_a_reference_and_what_each_is_for(monkeypatch):
     assert fingerprint(replace(jittered[0], x=scene.x)) == fingerprint(matched)
 
 
+def test_where_the_instance_itself_blows_up_nothing_is_forgiven(monkeypatch):
+    scene = contexts.Context(0.008).apply(scenes.make("patch_impact", dx=0.1))
+
+    def run(shown, sound=1.0, xsph=0.0, most_excess=np.inf):
+        if xsph:
+            raise module.UnusableScene("the gas")
+        return series(shown, 0.25)
+
+    monkeypatch.setattr(module, "run", run)
+    monkeypatch.setattr(module, "_cfl_substeps", lambda shown: 7.0)
+    found = module._compute(scene)
+    assert (found.fine.clumping == 0.25).all()
+    assert not found.spread.any()
+
+
 # --- Viscous fluids -------------------------------------------------------------------------
 
 # Arguments with which scenes are coarse; fine where friction limits the step.

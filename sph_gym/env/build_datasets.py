@@ -170,14 +170,14 @@ def _read(path: Path) -> Episode | None:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             seed, instance, shown = json.loads(str(data["about"]))
             # observations and actions stay arrays, all else are plain numbers and texts
-            lists = [list(data[name]) for name in ARRAYS[:2]]
+            lists: list[Any] = [list(data[name]) for name in ARRAYS[:2]]
             lists += [data[name].tolist() for name in ARRAYS[2:]]
             infos = {
                 name.removeprefix("info_"): data[name].tolist()
                 for name in data.files
                 if name.startswith("info_")
             }
-            return Episode(seed, instance, shown, *lists, infos)
+            return Episode._make([seed, instance, shown, *lists, infos])
     except FileNotFoundError:
         return None
     except Exception as error:  # zipfile.BadZipFile and what else a torn file can raise

@@ -216,7 +216,8 @@ def _notes(args: ComparisonArgs, chosen: Sequence[Spec]) -> list[str]:
             )
     if args.instances == "ood":
         notes.append(
-            f"These flows are out of distribution in four ways, in turns: {', '.join(ODD.values())}"
+            f"These flows are out of distribution in {len(ODD)} ways, in turns: "
+            f"{', '.join(ODD.values())}"
             ". The table takes them together; table_by_shift.csv and table_by_shift.md have each "
             "by itself."
         )

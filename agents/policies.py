@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from sph_gym.controllers import (
     AdaptiveRule,
     ArticleCfl,
-    Controller,
     Network,
     Static,
     TunedCfl,
@@ -19,10 +18,8 @@ from sph_gym.controllers import (
 from sph_gym.env.actions import Discrete
 from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.oracle import Oracle
+from sph_gym.env.policies import Policy, draw_at_random, follow
 from sph_gym.solver.checks import known
-
-# (environment, observation) -> action
-Policy = Callable[[gym.Env[Any, Any], NDArray[np.float32]], Any]
 
 
 class Spec(NamedTuple):
@@ -35,22 +32,6 @@ class Spec(NamedTuple):
     name: str
     settings: tuple[float, float, float] | None = None
     network: str | None = None
-
-
-def draw_at_random(seed: int) -> Policy:
-    """Return a policy that draws every action evenly from the whole box."""
-    rng = np.random.default_rng(seed)
-    return lambda env, observation: rng.uniform(-1, 1, 3).astype(np.float32)
-
-
-def follow(controller: Controller) -> Policy:
-    """Return the policy that comes as near as the action space allows to a controller."""
-
-    def act(env: gym.Env[Any, Any], observation: NDArray[np.float32]) -> Any:
-        tuning: Any = env.unwrapped
-        return tuning.action_toward(controller(tuning.sim))
-
-    return act
 
 
 def play_network(network: Network) -> Policy:

@@ -1,4 +1,4 @@
-"""Command line: `python -m sph_gym run | doctor | study | recommend | docs | manifest`."""
+"""Command line: `python -m sph_gym COMMAND`, one of those that `--help` lists."""
 
 import argparse
 import os
@@ -82,9 +82,17 @@ def _point_to_nowhere() -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m sph_gym", description=__doc__)
-    names = "run | doctor | study | recommend | docs | manifest"
+    names = "run | doctor | study | recommend | docs | manifest | dataset"
     commands = parser.add_subparsers(required=True, metavar=names)
-    for add in (_add_run, _add_doctor, _add_study, _add_recommend, _add_docs, _add_manifest):
+    for add in (
+        _add_run,
+        _add_doctor,
+        _add_study,
+        _add_recommend,
+        _add_docs,
+        _add_manifest,
+        _add_dataset,
+    ):
         add(commands)
     return parser
 
@@ -338,7 +346,7 @@ def _docs(options: argparse.Namespace) -> int:
 
 def _add_manifest(commands: Any) -> None:
     manifest = commands.add_parser(
-        "manifest", help="draw the instances anew and compute their references (an hour)"
+        "manifest", help="draw the instances anew and compute their references (hours)"
     )
     manifest.set_defaults(function=_manifest)
     add = manifest.add_argument
@@ -346,6 +354,8 @@ def _add_manifest(commands: Any) -> None:
     add("--output", metavar="FOLDER", help="by default, where sph_gym reads them")
     text = "let ids mean other flows than those of the same version did"
     add("--redefine", action="store_true", help=text)
+    text = "compute all references, also those that the folder has"
+    add("--again", action="store_true", help=text)
     add("--stamp", action="store_true", help="only write the digests of what is there anew")
 
 
@@ -357,7 +367,31 @@ def _manifest(options: argparse.Namespace) -> int:
     if options.stamp:
         print(*stamp(options.scenes, folder), sep="\n")
     else:
-        print(*prepare(options.scenes, folder, options.redefine), sep="\n")
+        print(*prepare(options.scenes, folder, options.redefine, options.again), sep="\n")
+    return 0
+
+
+def _add_dataset(commands: Any) -> None:
+    dataset = commands.add_parser(
+        "dataset",
+        help="record Minari datasets of the rule, the oracle and random actions",
+        description="Writes sph_gym/SCENE/POLICY-v1 for each scene and policy. Stop it when you "
+        "like: finished episodes are kept, and the same command goes on from there.",
+    )
+    dataset.set_defaults(function=_dataset)
+    add = dataset.add_argument
+    add("--scenes", nargs="+", metavar="SCENE", help="only these environments")
+    text = "of tuned-rule, oracle, random, adaptive-rule; by default the first three"
+    add("--policies", nargs="+", metavar="POLICY", help=text)
+    add("--episodes", type=int, default=8, help="of each dataset, each on a flow of its own")
+    add("--instances", default="train", help="set of the flows: nominal, train, val, test or ood")
+
+
+def _dataset(options: argparse.Namespace) -> int:
+    from sph_gym.env.build_datasets import collect
+
+    for id_ in collect(options.scenes, options.policies, options.episodes, options.instances):
+        print(id_, flush=True)
     return 0
 
 

@@ -9,8 +9,10 @@ import numpy as np
 from sph_gym.controllers import Controller, Network
 from sph_gym.controllers.network import shipped_network
 from sph_gym.env import actions, contexts
+from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.observations import Features, Moment, measure
 from sph_gym.env.reference import n_frames
+from sph_gym.env.rules import Rules
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
@@ -22,7 +24,8 @@ class Pilot:
     """Sets the controls as a network with absolute actions does in the environment of a scene.
 
     network: takes the `Features` and returns 3 coordinates. It has to be called once a frame.
-    Raises ValueError for a network that takes or returns other numbers.
+    Raises ValueError for a network that takes or returns other numbers, or that was trained with
+    other versions of them.
     """
 
     def __init__(self, network: Network) -> None:
@@ -34,6 +37,7 @@ class Pilot:
                 f"network: expected {wanted[0]} features in and {wanted[1]} coordinates out, got "
                 f"{sizes[0]} and {sizes[1]}, squashed by {network.squash!r}"
             )
+        network.check(observation_layout(Rules()), action_layout("absolute"))
         self._sim: Simulation | None = None
         self._before: dict[str, float] = {}
         self._when = math.nan

@@ -110,6 +110,36 @@ def friction_scale(h, dx):
     return min(2 / moment, most) if moment > 0 else most
 
 
+# --- Noise ----------------------------------------------------------------------------------
+
+
+def smooth_flow(x, v, h, period=np.inf):
+    """(n, 2) velocity at every particle of the affine flow that fits best around it.
+
+    Least squares over the particles within h, itself included, with weights (1 - r^2/h^2)^2. With
+    less than seven particles, or all nearly on a line, it is the particle's own velocity.
+    """
+    flow = v.copy()
+    for i in range(len(x)):
+        offset = x - x[i]
+        if np.isfinite(period):
+            offset -= period * np.round(offset / period)
+        r2 = (offset**2).sum(axis=1)
+        near = r2 < h**2
+        d, weight = offset[near], (1 - r2[near] / h**2) ** 2
+        if near.sum() < 7:
+            continue
+        spread = np.cov(d.T, aweights=weight, ddof=0)
+        most = (weight @ (d**2).sum(axis=1) / weight.sum()) ** 2 / 4
+        if np.linalg.det(spread) <= 0.02 * most:
+            continue
+        root = np.sqrt(weight)[:, None]
+        basis = np.column_stack([np.ones(len(d)), d])
+        fit, *_ = np.linalg.lstsq(root * basis, root * v[near], rcond=None)
+        flow[i] = fit[0]
+    return flow
+
+
 class Kernel(NamedTuple):
     density: object
     slope: object

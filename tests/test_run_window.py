@@ -11,7 +11,9 @@ from sph_gym.__main__ import main
 from sph_gym.blowups import CAUSES, explain
 from sph_gym.controllers import Network
 from sph_gym.doctor import Tripped, watch
+from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.observations import Features
+from sph_gym.env.rules import Rules
 from sph_gym.pilot import Pilot, pilots
 from sph_gym.run import BAD_START, CONTROLLERS, Course, Readings
 from sph_gym.solver import break_on, failure
@@ -198,10 +200,13 @@ def test_a_run_that_had_ended_goes_on_after_it_went_back():
     assert course.advance().n_substeps > 0
 
 
-def random_network(n_in, n_out=3, squash="clip"):
+LAYOUTS = (observation_layout(Rules()), action_layout("absolute"))
+
+
+def random_network(n_in, n_out=3, squash="clip", layouts=LAYOUTS):
     generator = np.random.default_rng(1)
     weights = generator.normal(0.0, 0.2, (n_out, n_in)).astype(np.float32)
-    return Network((weights,), (np.zeros(n_out, np.float32),), "tanh", squash)
+    return Network((weights,), (np.zeros(n_out, np.float32),), "tanh", squash, *layouts)
 
 
 def test_a_network_steers_a_run_as_it_steers_the_environment():
@@ -223,6 +228,12 @@ def test_a_network_steers_a_run_as_it_steers_the_environment():
 def test_networks_of_other_environments_are_refused(n_in, n_out, squash):
     with pytest.raises(ValueError, match=f"network: expected .*, got {n_in} and {n_out}"):
         Pilot(random_network(n_in, n_out, squash))
+
+
+@pytest.mark.parametrize("layouts", [("features v1", LAYOUTS[1]), (LAYOUTS[0], "delta v2")])
+def test_networks_of_other_versions_are_refused(layouts):
+    with pytest.raises(ValueError, match="network: it was trained with"):
+        Pilot(random_network(len(Features().rows), layouts=layouts))
 
 
 def test_networks_of_the_package_that_fit_are_pilots(monkeypatch, tmp_path):

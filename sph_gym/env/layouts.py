@@ -1,4 +1,4 @@
-"""Layouts of observations and actions with their versions: what a network has to be trained with."""
+"""Layouts of observations and actions with their versions: what a network was trained with."""
 
 from sph_gym.env import actions, observations
 from sph_gym.env.rules import Rules

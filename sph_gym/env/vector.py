@@ -178,7 +178,8 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         infos: list[Any] = [None] * self.num_envs
         finals: list[Any] = [None] * self.num_envs
         terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
-        rewards: list[Any] = [self.envs[0].rules.reward_of([0.0] * 5)] * self.num_envs
+        rules = self.envs[0].rules
+        rewards: list[Any] = [rules.reward_of([0.0] * len(rules.weights))] * self.num_envs
         tasks: list[Callable[[], Any]] = [partial(self._step, k, given[k]) for k in playing]
         results = self._side_by_side(tasks + [partial(self._reset, k) for k in resting])
         for k, result in zip(playing, results, strict=False):

@@ -16,7 +16,7 @@ from sph_gym.scenes.shared.reference import Reference
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 
-# The order of the scenes that were there first, in which `sph_gym/Mixed-v0` numbers its
+# The order of the scenes that were there first, in which `sph_gym/Mixed-v1` numbers its
 # environments. A new scene needs no entry: it follows these, by its name.
 _FIRST = (
     "dam_break", "drop_impact", "drop_sequence", "long_fall", "patch_impact", "shaken_tank",

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from agents import plots, report, styles
-from agents.evaluate import summary_table
+from agents.evaluate import MEASURES, summary_table
 from agents.policies import NAMES
 from sph_gym.env.rewards import TERMS
 

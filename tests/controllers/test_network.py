@@ -7,8 +7,10 @@ import pytest
 
 from sph_gym.controllers import Network
 
+LAYOUTS = ("features v2", "absolute v2")
 
-def network(activation="tanh", squash="clip"):
+
+def network(activation="tanh", squash="clip", layouts=LAYOUTS):
     rng = np.random.default_rng(0)
     sizes = (5, 8, 3)
     weights = tuple(
@@ -16,7 +18,7 @@ def network(activation="tanh", squash="clip"):
         for n_in, n_out in itertools.pairwise(sizes)
     )
     biases = tuple(rng.normal(size=n).astype(np.float32) for n in sizes[1:])
-    return Network(weights, biases, activation, squash)
+    return Network(weights, biases, activation, squash, *layouts)
 
 
 @pytest.mark.parametrize("activation", ["tanh", "relu"])
@@ -29,6 +31,33 @@ def test_it_survives_the_disk(tmp_path, activation, squash):
     assert np.array_equal(action, original(x))
     assert action.shape == (3,)
     assert np.abs(action).max() <= 1
+
+
+@pytest.mark.parametrize("layouts", [("", ""), ("features v2", ""), ("", "absolute v2")])
+def test_a_file_that_does_not_say_what_it_was_trained_with_is_refused(tmp_path, layouts):
+    network(layouts=layouts).save(tmp_path / "n.npz")
+    with pytest.raises(ValueError, match="doesn't say which observations and actions"):
+        Network.load(tmp_path / "n.npz")
+
+
+def test_a_file_of_a_draft_is_refused_with_the_same_sentence(tmp_path):
+    network().save(tmp_path / "n.npz")
+    with np.load(tmp_path / "n.npz") as data:
+        parts = {name: data[name] for name in data.files if name not in ("observation", "action")}
+    np.savez(tmp_path / "n.npz", **parts)
+    with pytest.raises(ValueError, match="doesn't say which observations and actions"):
+        Network.load(tmp_path / "n.npz")
+
+
+def test_layouts_survive_the_disk_and_others_are_refused(tmp_path):
+    network().save(tmp_path / "n.npz")
+    read = Network.load(tmp_path / "n.npz")
+    read.check(*LAYOUTS)
+    for place, wrong in enumerate(("features v1", "delta v2")):
+        here = list(LAYOUTS)
+        here[place] = wrong
+        with pytest.raises(ValueError, match=f"network: .*'{LAYOUTS[place]}', but .*'{wrong}'"):
+            read.check(*here)
 
 
 def test_one_layer_by_hand():

@@ -1,7 +1,20 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from sph_gym import Simulation, scenes
-from sph_gym.controllers import ArticleCfl, Static, TunedCfl, nominal
+from sph_gym.controllers import AdaptiveRule, ArticleCfl, Static, TunedCfl, nominal
+from sph_gym.controllers.rules import (
+    LOUD,
+    MEMORY,
+    QUIET,
+    SMOOTHING,
+    STILL,
+    XSPH_RANGE,
+    noise_share,
+    smoothing,
+)
 from sph_gym.env import SCENES
 from sph_gym.env.instances import instance
 
@@ -33,16 +46,98 @@ def test_static_settings_mean_what_they_say(sim):
     assert controls.xsph == 0.2
 
 
+def sound(sim, rule):
+    """The sound speed that a rule chooses."""
+    return sim.scene.fluid.sound_speed(rule(sim).stiffness)
+
+
 def test_the_tuned_rule_follows_the_flow(sim):
-    rule = TunedCfl(floor=0.01)
-    c = sim.scene.fluid.sound_speed(rule(sim).stiffness)
-    assert c == pytest.approx(8.0 * sim.max_speed)
-    assert rule(sim).dt * c / sim.scene.h < 0.9
+    numbers, c0 = sim.diagnostics(), sim.scene.fluid.c0
+    assert sound(sim, TunedCfl(fastest=0.0, floor=0.0)) == pytest.approx(
+        8.0 * numbers["flow_speed"]
+    )
+    assert sound(sim, TunedCfl(mach=0.0, floor=0.0)) == pytest.approx(5.0 * sim.max_speed)
+    assert sound(sim, TunedCfl(mach=0.0, fastest=0.0)) == pytest.approx(0.42 * c0)
+    limits = (8.0 * numbers["flow_speed"], 5.0 * sim.max_speed, 0.42 * c0)
+    assert sound(sim, TunedCfl()) == pytest.approx(max(limits))
+    assert TunedCfl()(sim).dt * sound(sim, TunedCfl()) / sim.scene.h < TunedCfl().courant
 
 
+def test_a_single_fast_particle_counts_less_than_a_fast_flow():
+    scene = scenes.make("patch_impact", dx=0.1)
+    fast = np.array(scene.v)
+    fast[0] *= 2
+    one, all_ = (Simulation(replace(scene, v=v)) for v in (fast, 2 * np.asarray(scene.v)))
+    rule = TunedCfl(floor=0.0)
+    assert sound(Simulation(scene), rule) <= sound(one, rule) < sound(all_, rule)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "epsilon"),
+    [(0.02, 0.45), (0.002, 0.6), (0.2, 0.15), (1e-9, 0.6), (0.0, 0.6), (100.0, 0.1)],
+)
+def test_epsilon_makes_up_for_a_lack_of_viscosity(alpha, epsilon):
+    assert TunedCfl().smoothing(alpha) == pytest.approx(epsilon)
+    assert XSPH_RANGE[0] <= epsilon <= XSPH_RANGE[1]
+
+
+# --- The adaptive rule ----------------------------------------------------------------------
+
+
+class Told:
+    """What a rule looks at, with a noise that a test decides."""
+
+    def __init__(self, sim, time, share):
+        self._sim, self.time = sim, time
+        self._noise = share * STILL * (sim.scene.fluid.c0 / 10) ** 2
+
+    def __getattr__(self, name):
+        return getattr(self._sim, name)
+
+    def diagnostics(self):
+        return self._sim.diagnostics() | {"velocity_noise": self._noise, "kinetic_energy": 0.0}
+
+
+def test_the_adaptive_rule_remembers_the_mean_noise_and_then_forgets_the_oldest(sim):
+    rule, shares = AdaptiveRule(), np.random.default_rng(0).uniform(0.0, 0.02, 2 * MEMORY)
+    expected = 0.0
+    for k, share in enumerate(shares):
+        controls = rule(Told(sim, 0.1 * k, share))
+        if k < MEMORY:
+            expected = shares[: k + 1].mean()
+        else:
+            expected += (share - expected) / MEMORY
+        assert rule.noise == pytest.approx(expected)
+        assert controls == TunedCfl()(sim)._replace(xsph=smoothing(rule.noise))
+
+
+def test_the_adaptive_rule_begins_anew_with_a_run(sim):
+    rule = AdaptiveRule()
+    for time in (0.0, 0.1, 0.2):
+        rule(Told(sim, time, 1.0))
+    again = rule(Told(sim, 0.0, 0.0))
+    assert (rule.noise, rule.calls) == (0.0, 1)
+    assert again.xsph == SMOOTHING[0]
+
+
+def test_epsilon_rises_with_the_noise_within_its_range():
+    noises = np.geomspace(1e-6, 1.0, 60)
+    epsilons = [smoothing(noise) for noise in [0.0, *noises]]
+    assert epsilons == sorted(epsilons)
+    assert (epsilons[0], epsilons[-1]) == pytest.approx(SMOOTHING)
+    assert smoothing(np.sqrt(QUIET * LOUD)) == pytest.approx(np.mean(SMOOTHING))
+
+
+def test_water_at_rest_is_not_all_noise(sim):
+    still = noise_share(Told(sim, 0.0, 0.01), Told(sim, 0.0, 0.01).diagnostics())
+    assert still == pytest.approx(0.01)
+
+
+# An instance of each kind of context: noisy, damped, plain.
+@pytest.mark.parametrize("number", [0, 1, 8])
 @pytest.mark.parametrize("scene", SCENES)
-def test_the_tuned_rule_is_stable(scene):
-    sim = Simulation(instance(scene, "nominal", 0, dx=0.05).build())
+def test_the_tuned_rule_is_stable(scene, number):
+    sim = Simulation(instance(scene, "val", number, dx=0.05).build())
     while sim.time < 0.5 * sim.scene.duration:
         sim.controls = TunedCfl()(sim)
         assert not sim.advance(sim.scene.frame).diverged

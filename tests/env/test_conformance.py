@@ -11,7 +11,9 @@ import warnings
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.utils import performance
 from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.env_match import check_environments_match
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 from sph_gym import scenes
@@ -25,7 +27,7 @@ FACTORS = {
     "action_mode": ["absolute", "delta", "discrete"],
     "render_mode": [None, "rgb_array", "human"],
     "on_blowup": ["terminate", "rollback"],
-    "observation": ["features", "field"],
+    "observation": ["features", "field", "features+context"],
     "reward": ["scalar", "vector"],
     "rate_limit": [None, 2.0],
     "instances": ["nominal", "val"],
@@ -74,6 +76,97 @@ def test_gymnasium_and_sb3_have_no_complaints(row, monkeypatch):
 def summed(observation, reward, *rest):
     assert reward.dtype == np.float32
     return observation, float(reward.sum()), *rest
+
+
+# --- Gymnasium's own comparisons and benchmarks ---------------------------------------------
+
+WRAPPERS = [
+    lambda env: env.unwrapped,
+    lambda env: gym.wrappers.TimeLimit(env, 1000),
+    lambda env: gym.wrappers.RecordEpisodeStatistics(gym.wrappers.Autoreset(env)),
+    lambda env: pickle.loads(pickle.dumps(env)),
+]
+
+
+@pytest.mark.parametrize("wrap", WRAPPERS, ids=["bare", "limit", "statistics", "pickled"])
+@pytest.mark.parametrize("mode", ["absolute", "discrete"])
+def test_an_environment_matches_itself_under_wrappers(wrap, mode):
+    one, other = (
+        gym.make(env_id("drop_impact"), dx=0.08, instances="val", action_mode=mode)
+        for _ in range(2)
+    )
+    # statistics add entries to the info of the last step
+    check_environments_match(one, wrap(other), 60, seed=4, info_comparison="superset")
+
+
+@pytest.mark.parametrize("name", [*SCENES, "mixed"])
+def test_every_id_matches_itself(name):
+    one, other = (gym.make(env_id(name), dx=0.08) for _ in range(2))
+    check_environments_match(one, other, 10, seed=1)
+
+
+def test_environments_with_other_flows_do_not_match():
+    one, other = (gym.make(env_id("drop_impact"), dx=dx) for dx in (0.08, 0.09))
+    with pytest.raises(AssertionError, match="is not equivalent"):
+        check_environments_match(one, other, 3)
+
+
+class FirstOf(gym.Env):
+    """The first environment of a vector, as if it were a single one."""
+
+    def __init__(self, envs):
+        self.envs, self.render_mode = envs, envs.render_mode
+        self.action_space = envs.single_action_space
+        self.observation_space = envs.single_observation_space
+
+    def reset(self, *, seed=None, options=None):
+        observations, infos = self.envs.reset(seed=seed, options=options)
+        return observations[0], self.first(infos)
+
+    def step(self, action):
+        actions = np.stack([action] * self.envs.num_envs)
+        observations, rewards, terminated, truncated, infos = self.envs.step(actions)
+        ends = bool(terminated[0]), bool(truncated[0])
+        return observations[0], float(rewards[0]), *ends, self.first(infos)
+
+    def render(self):
+        return self.envs.render()[0]
+
+    @staticmethod
+    def first(infos):
+        """The entries of a single environment, without the masks."""
+        found = {key: value[0] for key, value in infos.items() if f"_{key}" in infos}
+        return {key: one if isinstance(one, str) else float(one) for key, one in found.items()}
+
+
+@pytest.mark.parametrize("render_mode", [None, "rgb_array"])
+@pytest.mark.parametrize("num_envs", [1, 2])
+def test_the_vector_entry_matches_the_single_one(num_envs, render_mode):
+    arguments = {"dx": 0.08, "instances": "val", "render_mode": render_mode}
+    single = gym.make(env_id("drop_impact"), **arguments)
+    envs = gym.make_vec(env_id("drop_impact"), num_envs, **arguments)
+    # over the end of an episode
+    n_steps = 120 if render_mode is None else 4
+    check_environments_match(single, FirstOf(envs), n_steps, seed=2)
+
+
+@pytest.mark.skipif(
+    not hasattr(performance, "benchmark_vector_step"), reason="came with Gymnasium 1.3"
+)
+@pytest.mark.parametrize("autoreset_mode", gym.vector.AutoresetMode)
+def test_the_vector_runs_in_gymnasiums_benchmark(autoreset_mode, monkeypatch):
+    """It counts steps of single environments per second, here of a clock that ticks by itself."""
+    seconds = itertools.count()
+    monkeypatch.setattr(performance.time, "time", lambda: float(next(seconds)))
+    envs = gym.make_vec(
+        env_id("drop_impact"), 3, dx=0.08, instances="val", max_episode_steps=5,
+        autoreset_mode=autoreset_mode,
+    )  # fmt: skip
+    n_calls = 20
+    rate = performance.benchmark_vector_step(envs, target_duration=n_calls - 1, seed=0)
+    # every sixth call resets all three in the mode that takes a step for it
+    waits = n_calls // 6 if autoreset_mode == gym.vector.AutoresetMode.NEXT_STEP else 0
+    assert rate * n_calls == pytest.approx(envs.num_envs * (n_calls - waits))
 
 
 # --- Copies ---------------------------------------------------------------------------------

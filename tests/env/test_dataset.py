@@ -8,16 +8,19 @@ import pytest
 import sph_gym  # noqa: F401
 from agents.policies import Spec, build
 from sph_gym import scenes
-from sph_gym.env import manifest
+from sph_gym.__main__ import main
+from sph_gym.env import build_datasets, dataset, manifest
 from sph_gym.env.dataset import record
 from sph_gym.env.fingerprint import fingerprint
+from sph_gym.env.oracle import Oracle, Search
+from sph_gym.env.policies import draw_at_random
 from sph_gym.env.rewards import TERMS
 
 minari = pytest.importorskip("minari")
 
 ID, ARGUMENTS = "sph_gym/DropImpact-v1", {"dx": 0.08}
 INSTANCES = ["drop_impact/train/5/dx=0.08", "drop_impact/train/2/dx=0.08"]
-NAME = "sph_gym/drop_impact/random-v0"
+NAME = "sph_gym/drop_impact/random-v1"
 
 
 @pytest.fixture(autouse=True)
@@ -91,7 +94,7 @@ def test_what_cannot_be_written_is_refused_before_playing():
     def never(env, observation):
         raise AssertionError
 
-    for wrong in ("", "no spaces allowed-v0", "sph_gym/unversioned", None):
+    for wrong in ("", "no spaces allowed-v1", "sph_gym/unversioned", None):
         with pytest.raises(ValueError, match="dataset"):
             record(ID, never, 1, wrong, INSTANCES)
     with pytest.raises(ValueError, match="n_episodes"):
@@ -109,6 +112,7 @@ def test_a_dataset_tells_what_made_its_flows():
     listed, coarse = (
         json.loads(about["instance"]) for about in data.storage.get_episode_metadata([0, 1])
     )
+    assert listed["context"]["alpha"] > 0
     assert listed["fingerprint"] == manifest.entry(instances[0]).fingerprint
     assert listed["arguments"] == manifest.entry(instances[0]).drawn.arguments
     assert (listed["manifest"], coarse["manifest"]) == (manifest.VERSION, "")
@@ -128,6 +132,133 @@ def test_a_scene_of_ones_own_is_told_by_its_fingerprint_and_recovered():
     assert np.array_equal(observation, episode.observations[0])
     for k, action in enumerate(episode.actions[:3]):
         assert np.array_equal(env.step(action)[0], episode.observations[k + 1])
+
+
+def test_a_dataset_is_complete_or_absent(monkeypatch, tmp_path):
+    def interrupt(episode):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        # the last thing that is written
+        patch.setattr(dataset, "_summary", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            record(ID, random_agent(), 1, NAME, INSTANCES, arguments=ARGUMENTS)
+    assert NAME not in minari.list_local_datasets()
+    assert not any("random" in path.name for path in tmp_path.rglob("*"))
+    record(ID, random_agent(), 1, NAME, INSTANCES, arguments=ARGUMENTS)
+    assert minari.load_dataset(NAME).total_episodes == 1
+
+
+# --- One command for all --------------------------------------------------------------------
+
+
+@pytest.fixture
+def small(tmp_path, monkeypatch):
+    """A quick oracle, and a cache of its own for episodes."""
+    search = Search(width=1, hold=25, courant=(), sound=(), xsph=())
+    quick = build_datasets.POLICIES["oracle"]._replace(make=lambda seed: Oracle(search))
+    monkeypatch.setitem(build_datasets.POLICIES, "oracle", quick)
+    kept = tmp_path / "cache" / "episodes"
+    monkeypatch.setattr(build_datasets, "cache_home", lambda: kept.parent)
+    return kept
+
+
+COMMAND = ["dataset", "--scenes", "relaxation", "--instances", "val", "--episodes", "2"]
+
+
+def ids(*policies):
+    return [f"sph_gym/relaxation/{policy}-v1" for policy in policies]
+
+
+def test_one_command_records_the_rule_the_oracle_and_random(small, capsys):
+    assert main(COMMAND) == 0
+    usual = ids("tuned-rule", "oracle", "random")
+    assert capsys.readouterr().out.split() == usual
+    assert set(minari.list_local_datasets()) == set(usual)
+    assert list(small.iterdir()) == []
+    returns = {}
+    for id_ in usual:
+        data = minari.load_dataset(id_)
+        about = list(data.storage.get_episode_metadata([0, 1]))
+        assert [one["instance_id"] for one in about] == ["relaxation/val/0", "relaxation/val/1"]
+        returns[id_] = sum(one["rewards_sum"] for one in about)
+        assert data.storage.metadata["manifest_version"] == manifest.VERSION
+        assert data.storage.metadata["algorithm_name"] in id_
+        # it can be played again
+        env = data.recover_environment()
+        observation, _ = env.reset(seed=about[1]["seed"], options=about[1]["options"])
+        assert np.array_equal(observation, data[1].observations[0])
+        reward = env.step(data[1].actions[0])[1]
+        assert reward == data[1].rewards[0]
+    assert returns[usual[0]] > returns[usual[2]]
+
+
+def test_what_is_there_is_left_alone_and_other_episodes_are_refused(small, monkeypatch, capsys):
+    command = [*COMMAND, "--policies", "random"]
+    assert main(command) == 0
+    monkeypatch.setattr(dataset, "play", lambda *rest: pytest.fail("played again"))
+    assert main(command) == 0
+    assert capsys.readouterr().out.split() == ids("random", "random")
+    assert main([*command[:-3], "1", *command[-2:]]) == 2
+    assert "is there with other episodes (2 of them)" in capsys.readouterr().err
+
+
+def test_finished_episodes_survive_ctrl_c(small, monkeypatch, capsys):
+    command, played, play = [*COMMAND, "--policies", "random"], [], dataset.play
+
+    def interrupted(env, policy, seed, instance):
+        if played:
+            raise KeyboardInterrupt
+        played.append(seed)
+        return play(env, policy, seed, instance)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(dataset, "play", interrupted)
+        assert main(command) == 130
+    (kept,) = small.glob("*.npz")
+    assert minari.list_local_datasets() == {}
+    seeds = []
+    with monkeypatch.context() as patch:
+        patch.setattr(dataset, "play", lambda *rest: seeds.append(rest[2]) or play(*rest))
+        assert main(command) == 0
+    assert (played, seeds) == ([0], [1])
+    # what was kept is what would have been played
+    (id_,) = ids("random")
+    first = minari.load_dataset(id_)[0]
+    env = gym.make("sph_gym/Relaxation-v1")
+    again = play(env, draw_at_random(0), 0, "relaxation/val/0")
+    assert np.array_equal(first.observations, again.observations)
+    assert np.array_equal(first.actions, again.actions)
+    assert first.rewards.tolist() == again.rewards
+    for name, values in again.infos.items():
+        found = first.infos[name].tolist()
+        assert [v.decode() if isinstance(v, bytes) else v for v in found] == values, name
+    assert not kept.exists()
+
+
+@pytest.mark.filterwarnings("ignore:.*is damaged, its episode is played again")
+def test_a_damaged_episode_is_played_again(small):
+    plan = build_datasets.Plan("relaxation", "random", "val", 1)
+    path = build_datasets._kept(plan, 0)
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"PK torn")
+    assert list(build_datasets.collect(["relaxation"], ["random"], 1, "val")) == [plan.id]
+    assert minari.load_dataset(plan.id).total_episodes == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--scenes", "lake"], "scenes: expected one of"),
+        (["--policies", "luck"], "policies: expected one of tuned-rule, oracle, random"),
+        (["--episodes", "0"], "episodes: expected"),
+        (["--episodes", "17", "--instances", "val"], "episodes: expected at most 16"),
+        (["--instances", "exam"], "instances: expected one of"),
+    ],
+)
+def test_wrong_words_are_refused_before_anything_is_played(arguments, text, small, capsys):
+    assert main(["dataset", *arguments]) == 2
+    assert text in capsys.readouterr().err
 
 
 OWN = {"scene": scenes.make("drop_impact", dx=0.08)}
@@ -150,11 +281,11 @@ def test_the_collector_of_minari_works(id_, arguments, infos):
         observation, _, terminated, truncated, _ = env.step(env.action_space.sample())
         seen.append(observation)
         over = terminated or truncated
-    env.create_dataset("test/collected-v0")
+    env.create_dataset("test/collected-v1")
     env.close()
     del env
     gc.collect()
-    data = minari.load_dataset("test/collected-v0")
+    data = minari.load_dataset("test/collected-v1")
     (episode,) = data
     assert np.array_equal(episode.observations, seen)
     assert ("time" in (episode.infos or {})) == infos

@@ -8,8 +8,16 @@ import pytest
 
 import sph_gym
 from sph_gym.__main__ import main
-from sph_gym.env import actions, documentation, instances, registration, rewards
-from sph_gym.env.distributions import FAMILIES
+from sph_gym.env import (
+    actions,
+    contexts,
+    documentation,
+    instances,
+    observations,
+    registration,
+    rewards,
+)
+from sph_gym.env.distributions import FAMILIES, SHIFTS
 from sph_gym.env.documentation.markdown import listed, table
 from sph_gym.env.episode import INFO
 from sph_gym.env.identity import Identity
@@ -114,15 +122,14 @@ def test_the_readme_has_the_labels_of_the_pages():
     assert told["sph_gym/Relaxation-v1"].startswith("diagnostic")
 
 
-def test_the_pages_say_what_ood_shows_and_what_nothing_judges():
+def test_the_pages_say_what_ood_shows_and_what_identifies_a_flow():
     page = PAGES["sph_gym/DamBreak-v1"]
-    shifts = {row[0]: row[1] for row in under(page, r"NUMBER % 4")}
-    for number in range(8):
+    shifts = {row[0]: row[1] for row in under(page, f"NUMBER % {len(SHIFTS)}")}
+    for number in range(2 * len(SHIFTS)):
         shown = instances.shift(f"dam_break/ood/{number}")
-        assert shifts[str(number % 4)] == f'`"{shown}"`'
+        assert shifts[str(number % len(SHIFTS))] == f'`"{shown}"`'
     fields = [row[0].strip("`") for row in under(page, "Field")]
     assert fields == list(Identity._fields)
-    assert "front that it holds besides are judged by nothing" in page
 
 
 @each_page
@@ -170,6 +177,21 @@ def test_values_in_the_text_are_those_of_the_code():
     paid = {tuple(row[:2]): float(row[2]) for row in rows(text) if row[0] == "0.5"}
     assert paid["0.5", "0.125"] == 1.0 - 0.125 / 2
     assert paid["0.5", "1"] == 0.5
+
+
+def test_contexts_and_layouts_are_told_with_their_versions():
+    page = PAGES["sph_gym/DamBreak-v1"]
+    kinds = {row[0]: row[1:] for row in under(page, r'`info\["context"\]`')}
+    assert set(kinds) == {f'`"{kind}"`' for kind in contexts.KINDS}
+    assert kinds['`"noisy"`'][1] == "{:.4g} to {:.4g}".format(*contexts.NOISY)
+    assert f"Version {observations.VERSION} of the entries" in page
+    assert f"Version {actions.VERSION} of what actions mean" in page
+    env = gym.make("sph_gym/DropImpact-v1", dx=0.08, observation="features+context").unwrapped
+    told = under(section("sph_gym/DamBreak-v1", "Observation Space"), "Of the context")
+    low, high = env.observation_space.low, env.observation_space.high
+    assert f"{len(low)} entries" in page
+    bounds = [[float(cell) for cell in row[2:]] for row in told]
+    assert np.array_equal(np.transpose(bounds), [low[-len(told) :], high[-len(told) :]])
 
 
 def test_a_page_tells_of_the_scene_that_shows_the_environment():

@@ -8,7 +8,7 @@ import pytest
 
 import sph_gym
 from sph_gym import scenes
-from sph_gym.env import SCENES, instances, manifest
+from sph_gym.env import SCENES, contexts, instances, manifest
 from sph_gym.env.distributions import FAMILIES, SHIFTS, draw
 from sph_gym.env.fingerprint import fingerprint
 from sph_gym.env.identity import identify
@@ -25,11 +25,15 @@ def test_it_names_what_made_the_flow(scene, split):
     number = instances.SIZES[split] - 1
     found = identity(f"{scene}/{split}/{number}")
     assert (found.scene, found.split, found.number) == (scene, split, number)
-    assert (found.builder, dict(found.arguments), found.viscosity) == draw(
-        scene, split, number, FAMILIES[scene].dx
-    )
-    assert found.manifest == manifest.VERSION
-    assert found.fingerprint == manifest.entry(found.id).fingerprint
+    drawn = draw(scene, split, number, FAMILIES[scene].dx)
+    assert (found.builder, dict(found.arguments)) == drawn[:2]
+    if drawn.context is not None:
+        context = contexts.Context(**found.context)
+        assert context == pytest.approx(drawn.context) or drawn.context.viscosity == 0
+        assert context.kind == drawn.context.kind
+    listed = manifest.entry(found.id)
+    assert found.manifest == ("" if listed is None else manifest.VERSION)
+    assert listed is None or found.fingerprint == listed.fingerprint
     if split == "nominal":
         assert found.seed == ()
     else:
@@ -44,12 +48,12 @@ def test_it_names_what_made_the_flow(scene, split):
 
 def test_it_says_which_shift_an_instance_of_ood_shows():
     assert set(instances.ODD) == set(SHIFTS)
-    told = [identity(f"dam_break/ood/{k}").shift for k in range(8)]
+    told = [identity(f"dam_break/ood/{k}").shift for k in range(16)]
     assert told == [*SHIFTS, *SHIFTS]
-    assert instances.shift("dam_break/ood/5/dx=0.08") == SHIFTS[1]
+    assert instances.shift("dam_break/ood/9/dx=0.08") == SHIFTS[1]
     assert identity("dam_break/test/5").shift == instances.shift("dam_break/val/1") == ""
-    assert identity("dam_break/ood/2").viscosity > 0
-    assert identity("relaxation/ood/3").builder == "dam_break"
+    assert identity("dam_break/ood/3").context["viscosity"] > 0
+    assert identity("relaxation/ood/2").builder == "dam_break"
 
 
 def test_only_what_a_manifest_lists_has_its_version():
@@ -62,8 +66,8 @@ def test_an_environment_tells_of_the_present_episode():
     env = gym.make("sph_gym/Mixed-v1", dx=0.08).unwrapped
     with pytest.raises(gym.error.ResetNeeded):
         _ = env.instance
-    _, info = env.reset(seed=0, options={"instance": "relaxation/ood/2"})
-    assert env.instance == identity("relaxation/ood/2")
+    _, info = env.reset(seed=0, options={"instance": "relaxation/ood/3"})
+    assert env.instance == identity("relaxation/ood/3")
     assert env.instance.id == info["instance_id"]
     assert json.loads(json.dumps(env.instance._asdict()))["shift"] == "viscosity"
     envs = TuningVectorEnv(2, scene="drop_impact", dx=0.08, instances="train")

@@ -4,18 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sph_gym.__main__ import main
 from sph_gym.env import SCENES, build_manifests, instances, manifest
 from sph_gym.env import reference as references
-from sph_gym.env.distributions import FAMILIES, draw
+from sph_gym.env.contexts import Context
+from sph_gym.env.distributions import FAMILIES, SHIFTS, Drawn, draw
 from sph_gym.env.fingerprint import fingerprint
 
 IDS = [
     f"{scene}/{split}/{number}"
     for scene in SCENES
     for split, size in instances.SIZES.items()
-    # odd steps, so that every shift of "ood" comes up
+    # odd steps, so that every shift of "ood" and every kind of context comes up
     for number in range(0, size, 5 if size < 100 else 51)
 ]
 
@@ -40,7 +43,7 @@ def test_ids_mean_what_was_drawn_and_their_references_belong_to_it(id_):
     assert fingerprint(built) == entry.fingerprint
     stored = references._shipped(built, id_)
     assert len(stored.fine.kinetic) == references.n_frames(built) + 1
-    assert stored.spread.shape == (references.n_frames(built) + 1, 4)
+    assert stored.spread.shape == (references.n_frames(built) + 1, 5)
     assert all(np.isfinite(column).all() for column in (*stored.fine, stored.spread))
     assert stored.cfl_substeps >= 1
 
@@ -75,6 +78,8 @@ def calm_and_violent(scene):
 # wildest flow, runs that began alike are other ones. Up to FRAMES, a reference is the same
 # everywhere, to the rounding of float32; and the rule's mean work is about the same to the end.
 FRAMES = 10
+# Half a part, and what single precision adds.
+ROUNDING = 0.501 / manifest.ROUNDED
 ENERGY, PLACE, SUBSTEPS = 1e-4, 1e-4, 0.1  # shares of the largest energy, of dx, of the work
 
 
@@ -86,14 +91,18 @@ def test_shipped_references_are_what_their_flows_do(scene, which):
     shipped = references._shipped(built, id_)
     assert shipped.cfl_substeps == pytest.approx(references._cfl_substeps(built), rel=SUBSTEPS)
     start = replace(built, duration=FRAMES * built.frame)
-    energy, found = shipped.fine.kinetic.max(), references._run(start, 1.0)
+    found = references.run(references.truth(start))
+    own = references.run(start, xsph=references.NOMINAL_XSPH)
+    found = found._replace(clumping=np.maximum(found.clumping, own.clumping))
+    unit = (built.fluid.c0 / 10) ** 2
     for name, tolerance in (
-        ("kinetic", ENERGY * energy), ("potential", ENERGY * energy), ("com", PLACE * built.dx),
-        ("extent", PLACE * built.dx), ("front", PLACE * built.dx), ("clumping", 0.01),
+        ("kinetic", ENERGY * shipped.fine.kinetic.max()), ("com", PLACE * built.dx),
+        ("extent", PLACE * built.dx), ("clumping", 0.01), ("noise", ENERGY * unit),
     ):  # fmt: skip
-        told, now = getattr(shipped.fine, name)[: FRAMES + 1], getattr(found, name)
-        # written as float32
-        np.testing.assert_allclose(told, now, rtol=1e-6, atol=tolerance, err_msg=name)
+        whole, now = getattr(shipped.fine, name), getattr(found, name)
+        rounded = np.abs(whole).max(axis=0) / manifest.ROUNDED
+        worst = (np.abs(whole[: FRAMES + 1] - now) - rounded).max()
+        assert worst <= tolerance, name
 
 
 def test_the_sources_of_references_are_told():
@@ -112,9 +121,44 @@ def test_preparing_writes_what_is_read(tmp_path, monkeypatch):
     expected = references.reference(instances.parse(id_).build())
     found = references._from_arrays(made.arrays(id_))
     assert found.cfl_substeps == expected.cfl_substeps
-    assert found.fine.com == pytest.approx(expected.fine.com, rel=1e-6)
+    for name in references.Observables._fields:
+        whole, told = getattr(expected.fine, name), getattr(found.fine, name)
+        assert np.all(np.abs(told - whole) <= ROUNDING * np.abs(whole).max(axis=0)), name
     assert (made.version, made.sources) == (manifest.VERSION, references.sources())
     assert made.digests == manifest.current(made)
+
+
+def test_a_manifest_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
+    """On a short set, of flows whose references are quick to make up."""
+    monkeypatch.setattr(build_manifests, "SIZES", {"nominal": 1, "val": 3})
+    asked = []
+
+    def compute(scene):
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        asked.append(fingerprint(scene))
+        arrays = made_up(references.n_frames(scene) + 1, seed=len(asked))
+        return references._from_arrays(arrays)
+
+    monkeypatch.setattr(build_manifests, "reference", compute)
+    command = ["manifest", "--scenes", "relaxation", "--output", str(tmp_path)]
+    assert main(command) == 130
+    begun = manifest.load("relaxation", tmp_path)
+    assert list(begun.entries) == ["relaxation/nominal/0", "relaxation/val/0"]
+    first = begun.arrays("relaxation/val/0")["kinetic"]
+    monkeypatch.setattr(build_manifests, "reference", lambda scene: compute_all(scene, asked))
+    assert main(command) == 0
+    done = manifest.load("relaxation", tmp_path)
+    assert len(done.entries) == len(set(asked)) == 4
+    # what was written once stays as it is, to the rounding
+    assert done.arrays("relaxation/val/0")["kinetic"] == pytest.approx(first, rel=1e-3, abs=1e-3)
+    assert main([*command, "--again"]) == 0
+    assert len(asked) == 8
+
+
+def compute_all(scene, asked):
+    asked.append(fingerprint(scene))
+    return references._from_arrays(made_up(references.n_frames(scene) + 1, seed=len(asked)))
 
 
 @pytest.fixture
@@ -151,7 +195,7 @@ def test_no_change_goes_unseen(folder, change, monkeypatch):
         edit(folder, '"dx": 0.03', '"dx": 0.031')
     elif change == "reference":
         columns = dict(np.load(folder / "relaxation.npz"))
-        columns["com"][0, 0] += 1e-3
+        columns["low"][0, 0] ^= 2
         np.savez(folder / "relaxation.npz", **columns)
         manifest._columns.cache_clear()
     else:
@@ -166,13 +210,13 @@ def test_no_change_goes_unseen(folder, change, monkeypatch):
 
 def test_ids_of_a_version_are_not_given_another_meaning(folder, monkeypatch, capsys):
     monkeypatch.setattr(build_manifests, "SIZES", {"nominal": 1})
-    monkeypatch.setattr(build_manifests, "_reference", lambda id_, flow: pytest.fail("too late"))
+    monkeypatch.setattr(build_manifests, "_reference", lambda *given: pytest.fail("too late"))
     edit(folder, '{"dx": 0.03}', '{"dx": 0.05}')
     command = ["manifest", "--scenes", "relaxation", "--output", str(folder)]
     assert main(command) == 2
     assert "relaxation/nominal/0 means another flow in v1" in capsys.readouterr().err
     reference = references.as_arrays(references.reference(instances.parse(IDS[0]).build(), IDS[0]))
-    monkeypatch.setattr(build_manifests, "_reference", lambda id_, flow: reference)
+    monkeypatch.setattr(build_manifests, "_reference", lambda *given: reference)
     assert main([*command, "--redefine"]) == 0
     made = manifest.load("relaxation", folder)
     assert made.entries == {"relaxation/nominal/0": manifest.entry("relaxation/nominal/0")}
@@ -212,12 +256,98 @@ def test_damaged_references_say_so(tmp_path):
 def test_what_is_out_of_distribution_is():
     for scene in SCENES:
         train = [manifest.entry(f"{scene}/train/{k}").drawn for k in range(256)]
-        odd, viscous, other = (manifest.entry(f"{scene}/ood/{k}").drawn for k in (1, 2, 3))
-        finer = manifest.entry(f"{scene}/ood/0").drawn
+        odd = [manifest.entry(f"{scene}/ood/{k}").drawn for k in range(len(SHIFTS))]
+        shown = dict(zip(SHIFTS, odd, strict=True))
         name = FAMILIES[scene].odd[0]
-        assert finer.arguments["dx"] < min(one.arguments["dx"] for one in train)
-        assert odd.arguments[name] > max(one.arguments[name] for one in train)
-        assert viscous.viscosity is not None
-        assert all(one.viscosity is None for one in train)
-        assert other.arguments["obstacle"] > 0
+        least = min(one.arguments["dx"] for one in train)
+        assert shown["resolution"].arguments["dx"] < least
+        most = max(one.arguments[name] for one in train)
+        assert shown["strength"].arguments[name] > most
+        assert shown["viscosity"].context.viscosity > 0
+        assert all(one.context.viscosity == 0 for one in train)
+        assert shown["scene"].arguments["obstacle"] > 0
         assert all(one.arguments.get("obstacle", 0.0) == 0.0 for one in train)
+        used = {(one.context.kernel, one.context.integrator) for one in train}
+        assert used == {("mueller", "symplectic_euler")}
+        assert shown["kernel"].context.kernel != "mueller"
+        assert shown["integrator"].context.integrator != "symplectic_euler"
+
+
+# --- Files ----------------------------------------------------------------------------------
+
+# Files of all environments together [bytes].
+MOST_BYTES = 4e6
+
+
+def test_all_manifests_are_small():
+    assert sum(path.stat().st_size for path in manifest.FOLDER.iterdir()) <= MOST_BYTES
+
+
+def made_up(n_frames, seed=0, scale=1.0):
+    """Return a reference of random numbers, as arrays by name."""
+    rng = np.random.default_rng(seed)
+    arrays = {
+        name: scale * rng.normal(size=(n_frames, width) if width > 1 else n_frames)
+        for name, width in manifest.ROWS.items()
+    }
+    return arrays | {"cfl_substeps": float(rng.uniform(1, 50))}
+
+
+def assert_rounded(found, given):
+    """What comes back is rounded to a share of the largest value, and no more."""
+    assert set(found) == set(given)
+    assert found["cfl_substeps"] == given["cfl_substeps"]
+    for name in manifest.ROWS:
+        assert found[name].shape == given[name].shape
+        largest = np.abs(given[name]).max(axis=0)
+        assert np.all(np.abs(found[name] - given[name]) <= ROUNDING * largest), name
+
+
+@given(
+    st.lists(st.integers(1, 30), min_size=1, max_size=5),
+    st.sampled_from([1e-12, 1.0, 1e9]),
+    st.integers(0, 100),
+)
+def test_packed_references_come_back_rounded(lengths, scale, seed):
+    flows = [made_up(n, seed + k, scale) for k, n in enumerate(lengths)]
+    columns = manifest.packed(flows)
+    assert {name for name in columns if columns[name].dtype == np.uint8} == {"high", "low"}
+    for k, flow in enumerate(flows):
+        assert_rounded(manifest.unpacked(columns, k), flow)
+
+
+def test_columns_of_zeros_come_back_as_zeros():
+    flow = made_up(12)
+    flow["noise"], flow["com"] = np.zeros(12), flow["com"] * [1.0, 0.0]
+    found = manifest.unpacked(manifest.packed([made_up(3), flow]), 1)
+    assert not found["noise"].any()
+    assert not found["com"][:, 1].any()
+    assert_rounded(found, flow)
+
+
+def test_the_largest_jumps_come_back():
+    """From the largest value to its negative: the most that a change can be."""
+    flow = made_up(6)
+    flow["kinetic"] = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 0.0])
+    assert_rounded(manifest.unpacked(manifest.packed([flow]), 0), flow)
+
+
+def test_flows_of_a_single_row_come_back():
+    flows = [made_up(1, seed) for seed in range(3)]
+    columns = manifest.packed(flows)
+    assert columns["offsets"].tolist() == [0, 1, 2, 3]
+    for k, flow in enumerate(flows):
+        assert_rounded(manifest.unpacked(columns, k), flow)
+
+
+def test_entries_come_back_from_their_rows():
+    flows = [
+        Drawn("dam_break", {"dx": 0.04}),
+        Drawn("dam_break", {"dx": 0.04}, Context()),
+        Drawn("dam_break", {"dx": 0.04}, Context(0.15, 2.3, "wendland_c2", 0.01, "x")),
+    ]
+    for flow in flows:
+        entry = manifest.Entry(flow, "hash")
+        assert manifest.Entry.of(json.loads(json.dumps(entry.row()))) == entry
+    assert "context" not in manifest.Entry(flows[0], "").row()
+    assert manifest.Entry(flows[1], "").row()["context"] == {}

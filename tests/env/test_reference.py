@@ -10,7 +10,7 @@ import pytest
 
 import sph_gym
 from sph_gym import scenes
-from sph_gym.env import instances, viscous
+from sph_gym.env import contexts, instances, viscous
 from sph_gym.env import reference as module
 from sph_gym.env.reference import fingerprint, n_frames, reference
 from sph_gym.solver.jit import cache_home
@@ -159,6 +159,97 @@ def test_another_thread_may_drop_what_was_just_found(store, monkeypatch):
     assert reference(SCENE) == "kept"
 
 
+# --- What the reference is made of ----------------------------------------------------------
+
+NUMERICS = [
+    contexts.Context(0.008, 2.3),
+    contexts.Context(0.15),
+    contexts.Context(0.02, 3.1),
+    contexts.Context(0.02, 2.6, "cubic_spline"),
+    contexts.Context(0.0),
+    contexts.Context(0.02, viscosity=0.005),
+]
+
+
+@pytest.mark.parametrize("context", NUMERICS, ids=str)
+def test_the_fine_run_has_a_matched_kernel_and_the_viscosity_of_the_instance(context):
+    scene = context.apply(scenes.make("patch_impact", dx=0.1))
+    fine = module.truth(scene)
+    mueller = context.kernel == "mueller"
+    assert fine.fluid.kernel == ("wendland_c2" if mueller else context.kernel)
+    assert fine.h == pytest.approx(max(context.support, 2.6) * scene.dx)
+    # the kinematic viscosity is alpha c0 h / 8, whatever the support is
+    alphas = (fine.effects.artificial_viscosity or 0.0, context.alpha)
+    assert alphas[0] * fine.h == pytest.approx(alphas[1] * scene.h)
+    back = replace(
+        fine,
+        h=scene.h,
+        fluid=replace(fine.fluid, kernel=scene.fluid.kernel),
+        effects=replace(fine.effects, artificial_viscosity=scene.effects.artificial_viscosity),
+    )
+    assert fingerprint(back) == fingerprint(scene)
+
+
+def series(scene, clumping, noise=0.0):
+    """Return a made-up run."""
+    n = n_frames(scene) + 1
+    flat = np.zeros(n)
+    return module.Observables(
+        np.zeros((n, 2)), np.zeros((n, 2)), flat, np.broadcast_to(clumping, n), flat + noise
+    )
+
+
+def test_the_runs_of_a_reference_and_what_each_is_for(monkeypatch):
+    scene = contexts.Context(0.008, 2.3).apply(scenes.make("patch_impact", dx=0.1))
+    fine_clumping = np.linspace(0.0, 1.0, n_frames(scene) + 1)
+    played = []
+
+    def run(shown, sound=1.0, xsph=0.0, most_excess=np.inf):
+        played.append((shown, sound, xsph, most_excess))
+        if xsph:
+            # of the instance itself: much noise, which nothing is measured by
+            return series(shown, 0.5, noise=100.0)
+        return series(shown, fine_clumping, noise=1.0)
+
+    monkeypatch.setattr(module, "run", run)
+    monkeypatch.setattr(module, "_cfl_substeps", lambda shown: 7.0)
+    found = module._compute(scene)
+    assert found.cfl_substeps == 7.0
+    assert np.array_equal(found.fine.clumping, np.maximum(fine_clumping, 0.5))
+    assert (found.fine.noise == 1.0).all()
+    assert not found.spread.any()
+
+    own = [each for each in played if each[2]]
+    assert [each[1:] for each in own] == [(1.0, module.NOMINAL_XSPH, np.inf)]
+    assert own[0][0] is scene
+    matched = module.truth(scene)
+    others = [each for each in played if not each[2]]
+    (soft,) = (each for each in others if each[1] < 1.0)
+    (fine,) = (each for each in others if each[3] < np.inf)
+    (jittered,) = (each for each in others if each is not soft and each is not fine)
+    assert fingerprint(fine[0]) == fingerprint(matched)
+    assert fine[1:] == (1.0, 0.0, module.MOST_EXCESS)
+    assert (fingerprint(soft[0]), soft[1]) == (fingerprint(matched), module.TWIN_SOUND)
+    moved = np.asarray(jittered[0].x) - scene.x
+    assert moved.std() == pytest.approx(module.TWIN_JITTER * scene.dx, rel=0.1)
+    assert fingerprint(replace(jittered[0], x=scene.x)) == fingerprint(matched)
+
+
+def test_where_the_instance_itself_blows_up_nothing_is_forgiven(monkeypatch):
+    scene = contexts.Context(0.008).apply(scenes.make("patch_impact", dx=0.1))
+
+    def run(shown, sound=1.0, xsph=0.0, most_excess=np.inf):
+        if xsph:
+            raise module.UnusableScene("the gas")
+        return series(shown, 0.25)
+
+    monkeypatch.setattr(module, "run", run)
+    monkeypatch.setattr(module, "_cfl_substeps", lambda shown: 7.0)
+    found = module._compute(scene)
+    assert (found.fine.clumping == 0.25).all()
+    assert not found.spread.any()
+
+
 # --- Viscous fluids -------------------------------------------------------------------------
 
 # Arguments with which scenes are coarse; fine where friction limits the step.
@@ -222,10 +313,10 @@ def test_a_fluid_that_takes_no_step_of_the_action_space_is_refused_at_the_door(d
 
 
 def test_the_finest_spacing_that_is_let_in_has_a_reference():
-    scene = cut(scenes.make("relaxation", dx=0.0143), 4)
+    scene = cut(scenes.make("relaxation", dx=0.0146), 4)
     sph_gym.TuningEnv(scene)
     assert module._cfl_substeps(scene) > 0
-    assert np.isfinite(module._run(scene, 1.0).kinetic).all()
+    assert np.isfinite(module.run(module.truth(scene)).kinetic).all()
 
 
 # --- Scenes that aren't fit -----------------------------------------------------------------

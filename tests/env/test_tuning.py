@@ -18,6 +18,7 @@ from sph_gym.studies import contract
 
 IDS = [env_id(scene) for scene in SCENES]
 FLOATS = [name for name, (unit, _) in INFO.items() if unit != "text"]
+TEXTS = ["instance_id", "context", "blowup_cause"]
 COARSE = {"dx": 0.08}
 MUSH = np.array([1.0, -1.0, 0.0], np.float32)
 GENTLE = np.array([-0.3, -0.2, 0.0], np.float32)
@@ -70,7 +71,7 @@ def test_observations_stay_in_their_space_whatever_is_done(id_):
 
 def test_info_is_flat_and_the_terms_sum_to_the_reward(env):
     for _, reward, info in rollout(env, 0):
-        assert sorted(info) == sorted([*FLOATS, "instance_id", "blowup_cause"])
+        assert sorted(info) == sorted([*FLOATS, *TEXTS])
         assert all(type(info[name]) is float for name in FLOATS)
         assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in rewards.TERMS))
 

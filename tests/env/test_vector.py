@@ -7,6 +7,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sph_gym
+from sph_gym.env.rewards import TERMS
 from sph_gym.env.vector import TuningVectorEnv
 
 ID, SHORT = "sph_gym/DropImpact-v1", 12
@@ -204,3 +205,19 @@ def test_the_energy_from_nowhere_is_told():
     found = [env.sim.diagnostics()["energy_excess"] for env in envs.unwrapped.envs]
     assert info["energy_excess"].tolist() == found
     assert info["_energy_excess"].all()
+
+
+def test_vector_rewards_have_all_terms_in_a_step_that_resets_too():
+    envs = TuningVectorEnv(
+        2, scene="drop_impact", dx=0.08, reward="vector", instances="val", max_episode_steps=2
+    )
+    envs.reset(seed=0)
+    for _ in range(2):
+        _, rewards, *_ = envs.step(envs.action_space.sample())
+        assert rewards.shape == (2, len(TERMS))
+    # the first plays its new episode, while the second is reset
+    envs.reset(options={"reset_mask": np.array([True, False])})
+    _, rewards, *_ = envs.step(envs.action_space.sample())
+    assert rewards.shape == (2, len(TERMS))
+    assert rewards[0].any()
+    assert not rewards[1].any()

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from sph_gym import CentralGravity, Effects, Gravity, Motion, Simulation, Walls, lattice, scenes
 from sph_gym.solver.diagnostics import quantile
+from tests import naive
 from tests.cases import ALL_EFFECTS, DX, PERIOD, STIFFNESS, clouds, fluid, simulation, uncompiled
 from tests.solver.test_terms import HEAVY, SIDE, TANK, cloud, extrapolated
 
@@ -31,6 +32,14 @@ def test_numbers_are_those_of_their_definitions(dtype, cloud):
     momentum = m * v.sum(axis=0)
     centre = x.mean(axis=0)
     speed = np.linalg.norm(v, axis=1).max()
+    flow = naive.smooth_flow(x, v, h)
+    # the fit solves equations, so that single precision shows more
+    fit = {"float64": 1e-9, "float32": 1e-3}[dtype]
+    found = numbers["velocity_noise"], numbers["flow_speed"]
+    fast = np.sqrt(np.quantile((flow**2).sum(axis=1), 0.99))
+    # in single precision, particles at a distance of just h are neighbours or none by rounding
+    if (dtype, cloud) != ("float32", "lattice 2"):
+        assert found == pytest.approx((((v - flow) ** 2).sum(axis=1).mean(), fast), rel=fit)
     expected = {
         "time": 0.0,
         "density_error": excess.mean(),
@@ -74,6 +83,8 @@ def test_numbers_are_those_of_their_definitions(dtype, cloud):
         "adrift",
         "internal_energy",
         "energy_excess",
+        "velocity_noise",
+        "flow_speed",
     }
 
 
@@ -223,3 +234,67 @@ def test_a_lid_may_set_a_fluid_in_motion():
         assert not sim.advance(10 * sim.controls.dt).diverged
     assert 0.01 < sim.diagnostics()["energy_excess"] < 1.0
     assert Motion((3.0, 4.0), (1.0, 0.0), 1.0).top_speed == pytest.approx(5.0 + 2 * np.pi)
+
+
+# --- Noise ----------------------------------------------------------------------------------
+
+GRADIENT = st.floats(-20.0, 20.0)
+# shift, gradient of u and v
+AFFINE = st.tuples(GRADIENT, GRADIENT, GRADIENT, GRADIENT, GRADIENT, GRADIENT)
+
+
+def noise(x, v, **more):
+    """Return the mean noise and the flow speed."""
+    numbers = simulation("none", x=x, v=v, **more).diagnostics()
+    return numbers["velocity_noise"], numbers["flow_speed"]
+
+
+@given(AFFINE, st.sampled_from(["jittered", "lattice 2", "disordered"]))
+def test_a_fluid_that_moves_turns_and_shears_as_a_whole_has_no_noise(flow, cloud):
+    x = simulation("none", cloud).x
+    v = np.array(flow[:2]) + x @ np.reshape(flow[2:], (2, 2))
+    found, speed = noise(x, v, cloud=cloud)
+    assert 0.0 <= found < 1e-12
+    fastest = np.sqrt(np.quantile((v**2).sum(axis=1), 0.99))
+    assert speed == pytest.approx(fastest, rel=1e-9, abs=1e-9)
+
+
+def test_noise_is_the_same_wherever_it_is_and_however_it_moves():
+    sim = simulation("none")
+    x, v = sim.x, fluid(sim, "v")
+    usual, _ = noise(x, v)
+    assert usual > 1.0
+    # half a cell, so that particles have other neighbours in the lists, and a wind
+    for shift, wind in (((0.37 * DX, 5.0), (0.0, 0.0)), ((0.0, 0.0), (30.0, -7.0))):
+        assert noise(x + shift, v + wind)[0] == pytest.approx(usual, rel=1e-9)
+    assert noise(x, 3.0 * v)[0] == pytest.approx(9.0 * usual, rel=1e-12)
+
+
+def test_noise_on_a_smooth_flow_is_that_noise():
+    sim = simulation("none")
+    x, v = sim.x, fluid(sim, "v")
+    alone, _ = noise(x, v)
+    assert noise(x, v + x @ [[3.0, -8.0], [5.0, 2.0]])[0] == pytest.approx(alone, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        DX * np.array([(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0.5), (1.5, 0.5)]),
+        DX * np.stack([np.linspace(0, 2, 9), 1e-3 * np.arange(9)], axis=1),
+    ],
+    ids=["six particles", "a line"],
+)
+def test_where_no_flow_can_be_fitted_there_is_no_noise(x):
+    v = np.random.default_rng(0).normal(size=x.shape)
+    found, speed = noise(x, v)
+    assert found == 0.0
+    assert speed == pytest.approx(np.sqrt(np.quantile((v**2).sum(axis=1), 0.99)))
+
+
+def test_noise_is_measured_through_the_ends_of_a_domain():
+    sim = simulation("periodic", h=2.6 * DX)
+    v = fluid(sim, "v")
+    flow = naive.smooth_flow(sim.x, v, 2.6 * DX, PERIOD[1] - PERIOD[0])
+    expected = ((v - flow) ** 2).sum(axis=1).mean()
+    assert sim.diagnostics()["velocity_noise"] == pytest.approx(expected, rel=1e-9)

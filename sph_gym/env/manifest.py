@@ -2,8 +2,9 @@
 
 Every environment has NAME.json, with what makes each flow and the fingerprint of the scene that it
 made, and NAME.npz, with all references one after the other, rounded to ROUNDED parts of the largest
-value that a quantity has in its flow. `python -m sph_gym manifest` writes them. On top of NAME.json are the version of the ids, digests of flows and references, so that none
-changes unseen, and a hash of the sources that computed the references.
+value that a quantity has in its flow. `python -m sph_gym manifest` writes them. On top of NAME.json
+are the version of the ids, digests of flows and references, so that none changes unseen, and a hash
+of the sources that computed the references.
 """
 
 import hashlib

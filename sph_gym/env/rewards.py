@@ -57,7 +57,7 @@ class Tolerances(NamedTuple):
     compression: float = 0.01
     compression_p99: float = 0.04
     clumping: float = 0.04
-    noise: float = 0.0125
+    noise: float = 0.02
     com_drift: float = 1.0
     extent_drift: float = 1.0
     kinetic_drift: float = 0.05

@@ -113,7 +113,7 @@ class AdaptiveRule:
     It remembers the noise of a run, to be called once a frame; at time 0 it begins anew.
     """
 
-    def __init__(self, rule: TunedCfl = TunedCfl()) -> None:  # noqa: B008
+    def __init__(self, rule: TunedCfl = TunedCfl()) -> None:
         self.rule, self.noise, self.calls = rule, 0.0, 0
 
     def __call__(self, sim: Simulation) -> Controls:

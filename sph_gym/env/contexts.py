@@ -12,14 +12,16 @@ import numpy as np
 
 from sph_gym.solver.scene import Scene
 
-# Ranges of alpha of the two ends and beyond them, and of h / dx where a fluid is noisy.
-NOISY, DAMPED = (0.007, 0.01), (0.08, 0.2)
-BEYOND_NOISY, BETWEEN, BEYOND_DAMPED = (0.004, 0.006), (0.03, 0.06), (0.25, 0.35)
-NARROW, USUAL = 2.3, 2.6
+# Ranges of alpha of the two ends, beyond them and between.
+NOISY, DAMPED = (0.0045, 0.006), (0.08, 0.2)
+BEYOND_NOISY, BETWEEN, BEYOND_DAMPED = (0.003, 0.004), (0.03, 0.06), (0.25, 0.35)
+# Support radii [dx] of the two ends, and of all other fluids: a narrow one is noisier still, and in
+# a wide one particles pair sooner.
+NARROW, WIDE, USUAL = (2.3, 2.6), (2.8, 3.0), 2.6
 # The kinds in turns: the same shares in every set, however small.
 KINDS = ("noisy", "damped") * 4 + ("plain",)
 # Limits of alpha between the kinds.
-LEAST_PLAIN, LEAST_DAMPED = 0.014, 0.06
+LEAST_PLAIN, LEAST_DAMPED = 0.01, 0.06
 # Laminar viscosity of the viscous fluids, in multiples of h c0.
 LAMINAR = (0.003, 0.01)
 MATCHED = ("wendland_c2", "cubic_spline")
@@ -72,9 +74,10 @@ def of(scene: Scene) -> Context:
 def draw(rng: np.random.Generator, number: int) -> Context:
     """Return the context of flow `number` of a set."""
     kind = KINDS[number % len(KINDS)]
-    if kind == "noisy":
-        return Context(_log_uniform(rng, *NOISY), float(rng.uniform(NARROW, USUAL)))
-    return Context(_log_uniform(rng, *DAMPED)) if kind == "damped" else Context()
+    if kind == "plain":
+        return Context()
+    alphas, supports = (NOISY, NARROW) if kind == "noisy" else (DAMPED, WIDE)
+    return Context(_log_uniform(rng, *alphas), float(rng.uniform(*supports)))
 
 
 def shifted(rng: np.random.Generator, number: int, shift: str, usual: Context) -> Context:

@@ -79,7 +79,9 @@ class Episode:
         self._report = Report(0, self.sim.controls.dt)
         self._rollbacks, self._control_work = 0, 0.0
         self._safe: dict[str, Any] | None = None
-        self.info = self._inform(0.0, rewards.Errors(0.0, 0.0, 0.0, 0.0), [0.0] * len(rewards.TERMS))
+        self.info = self._inform(
+            0.0, rewards.Errors(0.0, 0.0, 0.0, 0.0), [0.0] * len(rewards.TERMS)
+        )
 
     # --- a step -----------------------------------------------------------------------------
 

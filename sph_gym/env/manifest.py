@@ -2,8 +2,9 @@
 
 Every environment has NAME.json, with what makes each flow and the fingerprint of the scene that it
 made, and NAME.npz, with all references one after the other, rounded to ROUNDED parts of the largest
-value that a quantity has in its flow. `python -m sph_gym manifest` writes them. On top of NAME.json are the version of the ids, digests of flows and references, so that none
-changes unseen, and a hash of the sources that computed the references.
+value that a quantity has in its flow. `python -m sph_gym manifest` writes them. On top of NAME.json
+are the version of the ids, digests of flows and references, so that none changes unseen, and a hash
+of the sources that computed the references.
 """
 
 import hashlib
@@ -106,9 +107,7 @@ def load(name: str, folder: Path = FOLDER) -> Manifest | None:
         data = json.loads(path.read_text())
         version, rows = data["version"], data["instances"]
         digests = {kind: data[kind] for kind in DIGESTS if kind in data}
-        entries = {
-            id_: Entry.of(row) for id_, row in rows.items()
-        }
+        entries = {id_: Entry.of(row) for id_, row in rows.items()}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise _damaged(path, error) from None
     if version != VERSION:

@@ -16,9 +16,9 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.stepping import COURANT, FORCE
 
-
 # Version of the entries, for networks: any change below needs a new one.
 VERSION = 2
+
 
 class Moment(NamedTuple):
     """All that an observation may depend on.

@@ -1,11 +1,11 @@
 """References: a fine run of the same flow, its twins, and the work of the tuned CFL rule.
 
 The fine run is free of what the numerics of an instance suffer from: it has a matched kernel, no
-XSPH, the nominal stiffness and a short step; spacing and viscosity are the instance's. Particles
-pair in the article's kernels even in water at rest, which no setting of the controls prevents; so
-that many clumped particles are forgiven, frame by frame, as a run of the instance itself has with
-its nominal stiffness and epsilon and a short step, if the fine run has fewer. Splashes depend on the
-kernel, which is no control either: how far that run drifts away counts as spread.
+XSPH, the nominal stiffness and a short step; spacing and viscosity are the instance's. A run of the
+instance itself, with nominal stiffness and epsilon and a short step, tells what no control can help.
+Particles pair in the article's kernels even in water at rest: as many clumped ones as that run has
+are forgiven, frame by frame. Splashes depend on the kernel: how far that run drifts away counts as
+spread.
 
 The references of the instances are shipped with their manifests. All others are kept on disk
 under a hash of everything that they depend on: the scene, and the sources of the solver, of the
@@ -40,7 +40,8 @@ COURANT = 0.25
 UNMATCHED, MATCHED, SUPPORT = "mueller", "wendland_c2", 2.6
 # Epsilon of the instance's own run.
 NOMINAL_XSPH = 0.3
-# The twins of the fine run differ from it in ways that shouldn't matter: a softer fluid, and particles off by 1 % of dx.
+# The twins of the fine run differ from it in ways that shouldn't matter: a softer fluid, and
+# particles off by 1 % of dx.
 TWIN_SOUND = 0.7
 TWIN_JITTER = 0.01
 # A fine run with more energy from nowhere, as a share of what is at stake, boils. Of a hundred
@@ -75,7 +76,7 @@ class UnusableScene(ValueError, RuntimeError):
 class ReferenceRun(NamedTuple):
     """The fine run, the spread of its twins, and the tuned CFL rule's mean substeps a frame.
 
-    The clumping of `fine` is the larger one of the fine run's and of the instance's own nominal run.
+    The clumping of `fine` is the larger one of the fine run's and of the instance's own run.
     spread: (n, 5) largest difference of a twin: drifts within WINDOW frames of the centre of
     mass [m], the extent [m] and the kinetic energy [J/m], where the instance's own run counts as a
     twin, too; the share of clumped particles, and the mean noise of WINDOW frames [m^2/s^2].

@@ -56,7 +56,7 @@ class Tolerances(NamedTuple):
 
     compression: float = 0.01
     compression_p99: float = 0.04
-    clumping: float = 0.05
+    clumping: float = 0.04
     noise: float = 0.0125
     com_drift: float = 1.0
     extent_drift: float = 1.0

@@ -154,7 +154,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         if self.render_mode == "human":
             if self._window is None:
                 self._window = _open_window(episode.scene)
-            self._window.show(episode.sim, lines=lines)
+            terms = {k: v for k, v in episode.info.items() if k.startswith("reward_")}
+            self._window.show(episode.sim, lines=lines, numbers=terms)
             return None
         gym.logger.warn("render() was called without a render_mode; give one to gymnasium.make")
         return None

@@ -10,6 +10,10 @@ The ablation freezes each control at the value of the best static setting and se
 search that freezes nothing but tries other settings tells how much of a loss is its own luck: a
 control counts as needed where freezing it costs more than that by a margin. A control may have to
 be there and yet need no steering; so XSPH is switched off as well, for the whole episode.
+
+What the controls are worth as constants is told by a grid (`sph_gym.studies.controls`). Besides, the
+tuned rule, which is the unit of work, must keep within tolerance on every validation instance, and
+so must runs that are as good as the references (`sph_gym.studies.honesty`).
 """
 
 import math
@@ -22,9 +26,10 @@ import numpy as np
 
 from sph_gym.env import SCENES, instances
 from sph_gym.env.oracle import COARSE, Oracle, Search
-from sph_gym.extras import progress_bar
+from sph_gym.extras import progress, progress_bar
 from sph_gym.files import write_csv
-from sph_gym.studies import episodes
+from sph_gym.studies import controls, episodes, honesty
+from sph_gym.studies.controls import ControlGrid
 from sph_gym.studies.episodes import Score, Setting, StaticGrid, best_static, run
 from sph_gym.studies.exploits import tuned_cfl
 from sph_gym.studies.table import Row
@@ -49,7 +54,9 @@ COLUMNS = ("instance", "label", "player", *Score._fields, "within", "setting", "
 class HeadroomPlan(NamedTuple):
     """Scenes, instances of each, instances of which the ablation is run, and how to search.
 
-    second: as thorough as `search`, but with other settings.
+    second: as thorough as `search`, but with other settings; held: instances of each scene on which
+    the controls are held fixed, and the settings that are tried beside them; honest: instances whose
+    references are compared with runs that are as good.
     """
 
     scenes: tuple[str, ...] = SCENES
@@ -58,10 +65,21 @@ class HeadroomPlan(NamedTuple):
     search: Search = Search()
     grid: StaticGrid = StaticGrid()
     second: Search = Search(near=0.3)
+    held: int = 9
+    settings: ControlGrid = ControlGrid()
+    honest: int = 4
+
+    @property
+    def games(self) -> list[str]:
+        """Scenes that are benchmarks."""
+        return [scene for scene in self.scenes if scene not in instances.DIAGNOSTIC]
 
 
 FULL = HeadroomPlan()
-QUICK = HeadroomPlan(("long_fall", "colliding_patches"), 1, 0, COARSE, StaticGrid(xsph=(0.3,)))
+QUICK = HeadroomPlan(
+    ("long_fall", "patch_impact"), 1, 0, COARSE, StaticGrid(xsph=(0.3,)),
+    held=2, settings=ControlGrid((0.8,), (0.3, 0.5), (0.15, 0.45, 1.0)), honest=0,
+)  # fmt: skip
 
 
 class Contest(NamedTuple):
@@ -131,6 +149,34 @@ def measure(quick: bool, folder: Path) -> Iterator[Row]:
                 bar.update()
             yield from rows(scene, found[scene])
     yield from summary(plan, found)
+    yield from _rule_rows(plan, folder)
+    yield from _control_rows(plan, folder)
+    yield from honesty.measure_references(plan.games, plan.honest, folder)
+
+
+def _rule_rows(plan: HeadroomPlan, folder: Path) -> Iterator[Row]:
+    """Yield on how many validation instances of a scene the rule keeps within tolerance."""
+    store, n = episodes.results(folder), instances.SIZES["val"]
+    for scene in plan.games:
+        scores = []
+        for number in progress(range(n), f"{scene}: rule", "episode"):
+            play = partial(run, scene, _id(scene, number), tuned_cfl)
+            scores.append(Score(*store.get(["rule", _id(scene, number)], play)))
+        within = float(sum(score.within for score in scores))
+        quantity = f"tuned CFL within tolerance, of {n} instances"
+        yield Row(quantity, scene, within, "instances", n, at_least=True)
+        yield Row(
+            "tuned CFL, most beyond", scene, 100 * max(s.beyond for s in scores), "% of steps"
+        )
+
+
+def _control_rows(plan: HeadroomPlan, folder: Path) -> Iterator[Row]:
+    """Yield what the controls are worth as constants."""
+    found: dict[str, list[controls.Table]] = {scene: [] for scene in plan.games}
+    games = [(scene, number) for number in range(plan.held) for scene in plan.games]
+    for scene, number in progress(games, "controls held fixed", "instance"):
+        found[scene].append(controls.play(scene, number, plan.settings, folder))
+    yield from controls.rows(found, plan.settings)
 
 
 def contest(plan: HeadroomPlan, scene: str, number: int, folder: Path) -> Contest:

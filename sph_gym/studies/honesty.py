@@ -45,9 +45,13 @@ def rivals(instance: Instance) -> dict[str, Rival]:
 
 def _finer(instance: Instance) -> Scene:
     """Return the flow of an instance with half the spacing."""
-    arguments = dict(instance.arguments)
-    arguments["dx"] = arguments["dx"] / 2
-    drawn = instance.drawn._replace(arguments=arguments)
+    _, arguments, context = instance.drawn
+    assert context is not None
+    # the viscosity is alpha c0 h / 8, and the fluid is the same
+    drawn = instance.drawn._replace(
+        arguments=dict(arguments) | {"dx": arguments["dx"] / 2},
+        context=context._replace(alpha=2 * context.alpha),
+    )
     finer = Instance(instance.id, drawn).build()
     # some scenes snap lengths to the spacing, and their frame follows
     return replace(finer, frame=instance.build().frame)
@@ -76,9 +80,13 @@ def measure_references(names: list[str], n_instances: int, folder: Path) -> Iter
         for number in progress(range(n_instances), f"{name}: references", "instance"):
             instance = instances.instance(name, "val", number)
             for kind, rival in rivals(instance).items():
-                found = store.get([instance.id, kind], lambda i=instance, r=rival: share_within(i, r))
+                found = store.get(
+                    [instance.id, kind], lambda i=instance, r=rival: share_within(i, r)
+                )
                 shares.setdefault(kind, []).append(found)
         for kind, values in shares.items():
             bound = None if name in instances.DIAGNOSTIC else WITHIN
             quantity = f"within tolerance of the reference: {kind}"
-            yield Row(quantity, name, 100 * float(np.mean(values)), "% of steps", bound, at_least=True)
+            yield Row(
+                quantity, name, 100 * float(np.mean(values)), "% of steps", bound, at_least=True
+            )

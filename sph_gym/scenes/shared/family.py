@@ -16,10 +16,11 @@ STRONG_GRAVITY = ("gravity", 20.0, 40.0)
 class FlowFamily:
     """The flows of an environment and what is known of it as a game; `FAMILY` of a scene's module.
 
-    scene: name of the scene that shows them, and of the environment; dx: a spacing at which an episode takes a second [m],
-    with some 300 fluid particles; seed: of the draws, never to be changed; draw: returns the
-    arguments except dx, given a generator and dx: lengths in multiples of dx, so that any dx will
-    do; odd: the argument that is far from all others in "ood", and the range that it has there.
+    scene: name of the scene that shows them, and of the environment; dx: a spacing at which an
+    episode takes a second [m], with some 300 fluid particles; seed: of the draws, never to be
+    changed; draw: returns the arguments except dx, given a generator and dx: lengths in multiples
+    of dx, so that any dx will do; odd: the argument that is far from all others in "ood", and the
+    range that it has there.
     frames_per_step: frames of the scene that make a step of the environment, more than one where a
     frame has too few substeps to tune.
     diagnostic: why cheap tricks may win, empty if they lose to the tuned CFL rule; headroom: work

@@ -1,11 +1,11 @@
 """References: a fine run of the same flow, its twins, and the work of the tuned CFL rule.
 
 The fine run is free of what the numerics of an instance suffer from: it has a matched kernel, no
-XSPH, the nominal stiffness and a short step; spacing and viscosity are the instance's. A run of the
-instance itself, with nominal stiffness and epsilon and a short step, tells what no control can help.
-Particles pair in the article's kernels even in water at rest: as many clumped ones as that run has
-are forgiven, frame by frame. Splashes depend on the kernel: how far that run drifts away counts as
-spread.
+XSPH, the nominal stiffness and a short step; spacing and viscosity are the instance's. A run of
+the instance itself, with nominal stiffness and epsilon and a short step, tells what no control can
+help. Particles pair in the article's kernels even in water at rest: as many clumped ones as that
+run has are forgiven, frame by frame. Splashes depend on the kernel: how far that run drifts away
+counts as spread.
 
 The references of the instances are shipped with their manifests. All others are kept on disk
 under a hash of everything that they depend on: the scene, and the sources of the solver, of the

@@ -11,7 +11,7 @@ search that freezes nothing but tries other settings tells how much of a loss is
 control counts as needed where freezing it costs more than that by a margin. A control may have to
 be there and yet need no steering; so XSPH is switched off as well, for the whole episode.
 
-What the controls are worth as constants is told by a grid (`sph_gym.studies.controls`). Besides, the
+A grid tells what the controls are worth as constants (`sph_gym.studies.controls`). Besides, the
 tuned rule, which is the unit of work, must keep within tolerance on every validation instance, and
 so must runs that are as good as the references (`sph_gym.studies.honesty`).
 """
@@ -55,8 +55,8 @@ class HeadroomPlan(NamedTuple):
     """Scenes, instances of each, instances of which the ablation is run, and how to search.
 
     second: as thorough as `search`, but with other settings; held: instances of each scene on which
-    the controls are held fixed, and the settings that are tried beside them; honest: instances whose
-    references are compared with runs that are as good.
+    controls are held fixed, settings: what is tried beside them; honest: instances whose references
+    are compared with runs that are as good.
     """
 
     scenes: tuple[str, ...] = SCENES

@@ -97,7 +97,7 @@ def _search(args: ComparisonArgs) -> pd.DataFrame:
             n_instances=args.n_search,
             courant=_spread(0.5, 1.2, n_courant),
             sound=_spread(0.2, 1.0, n_sound),
-            xsph=_spread(0.1, 0.5, n_xsph),
+            xsph=_spread(0.1, 0.7, n_xsph),
             output=args.output,
         )
     )

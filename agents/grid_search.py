@@ -21,7 +21,7 @@ class GridSearchArgs:
     n_instances: int = option("training instances per setting", 8)
     courant: tuple[float, ...] = option("dt c / h", (0.4, 0.6, 0.8, 1.0, 1.2))
     sound: tuple[float, ...] = option("sound speed / nominal c0", (0.2, 0.3, 0.4, 0.55, 0.75, 1.0))
-    xsph: tuple[float, ...] = option("XSPH epsilon", (0.1, 0.3, 0.5))
+    xsph: tuple[float, ...] = option("XSPH epsilon", (0.1, 0.3, 0.5, 0.7))
     output: Path = option("folder of the CSV file; finished episodes in it are kept", Path("runs"))
 
     @property

@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 
 from sph_gym import scenes
+from sph_gym.controllers import TunedCfl
 from sph_gym.env import SCENES, contexts, instances
 from sph_gym.env.contexts import BETWEEN, BEYOND_DAMPED, BEYOND_NOISY, DAMPED, KINDS, NOISY, Context
 from sph_gym.env.distributions import FAMILIES, SHIFTS, draw
 from sph_gym.env.fingerprint import fingerprint
+from sph_gym.studies.episodes import run
 
 # Sets whose contexts are drawn as usual.
 USUAL_SETS = ("train", "val", "test")
-NOISY_FLOW = Context(0.008, 2.4)
+NOISY_FLOW = Context(0.005, 2.4)
 
 
 def drawn(split, scene="dam_break"):
@@ -45,10 +47,10 @@ def test_numerics_are_in_the_ranges_of_their_kind(scene, split):
         assert context.integrator == "symplectic_euler"
         if context.kind == "noisy":
             assert inside(context.alpha, NOISY)
-            assert inside(context.support, (contexts.NARROW, contexts.USUAL))
+            assert inside(context.support, contexts.NARROW)
         elif context.kind == "damped":
             assert inside(context.alpha, DAMPED)
-            assert context.support == contexts.USUAL
+            assert inside(context.support, contexts.WIDE)
         else:
             assert context == Context()
 
@@ -127,7 +129,7 @@ def test_kinds_go_by_alpha(alpha, kind):
 def test_a_context_changes_the_numerics_and_nothing_else(name):
     plain = scenes.make(FAMILIES[name].scene, dx=FAMILIES[name].dx)
     shown = NOISY_FLOW.apply(plain)
-    assert shown.effects.artificial_viscosity == 0.008
+    assert shown.effects.artificial_viscosity == 0.005
     assert shown.h == pytest.approx(2.4 * plain.dx)
     # back again it is the same scene, but for what a context can't know
     usual = contexts.of(plain)
@@ -175,3 +177,34 @@ def test_an_instance_has_the_context_that_was_drawn(id_):
     found = contexts.of(flow.build())
     assert found.kind == flow.drawn.context.kind
     assert found[:2] == pytest.approx(flow.drawn.context[:2])
+
+
+# --- What contexts ask for ------------------------------------------------------------------
+
+GAMES = [scene for scene in SCENES if scene not in instances.DIAGNOSTIC]
+
+
+def earned(id_, epsilon):
+    """Reward of the tuned rule with an epsilon of its own."""
+
+    def policy(env, observation):
+        return env.action_toward(TunedCfl()(env.sim)._replace(xsph=epsilon))
+
+    return run(id_.split("/")[0], id_, policy).reward
+
+
+def rule(env, observation):
+    return env.action_toward(TunedCfl()(env.sim))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 1, 8], ids=["noisy", "damped", "plain"])
+@pytest.mark.parametrize("scene", GAMES)
+def test_the_tuned_rule_keeps_within_tolerance_in_every_context(scene, number):
+    assert run(scene, f"{scene}/val/{number}", rule).within
+
+
+def test_no_epsilon_is_right_in_every_context():
+    noisy, damped = "dam_break/val/0", "patch_impact/val/1"
+    assert earned(noisy, 0.6) > earned(noisy, 0.0) + 0.2
+    assert earned(damped, 0.15) > earned(damped, 1.0) + 0.2

@@ -184,6 +184,8 @@ def test_contexts_and_layouts_are_told_with_their_versions():
     kinds = {row[0]: row[1:] for row in under(page, r'`info\["context"\]`')}
     assert set(kinds) == {f'`"{kind}"`' for kind in contexts.KINDS}
     assert kinds['`"noisy"`'][1] == "{:.4g} to {:.4g}".format(*contexts.NOISY)
+    guide = (Path(__file__).parents[2] / "docs" / "environments.md").read_text()
+    assert {row[0]: row[1:] for row in under(guide, r'`info\["context"\]`')} == kinds
     assert f"Version {observations.VERSION} of the entries" in page
     assert f"Version {actions.VERSION} of what actions mean" in page
     env = gym.make("sph_gym/DropImpact-v1", dx=0.08, observation="features+context").unwrapped

@@ -232,7 +232,7 @@ def _kinds() -> str:
     """Return the kinds of contexts, their shares and their ranges."""
     usual, shares = contexts.Context(), contexts.KINDS
     ends = {"noisy": contexts.NOISY, "damped": contexts.DAMPED, "plain": (usual.alpha,)}
-    supports = {"noisy": (contexts.NARROW, contexts.USUAL)}
+    supports = {"noisy": contexts.NARROW, "damped": contexts.WIDE}
     rows = [
         (
             f'`"{kind}"`',

@@ -161,9 +161,9 @@ def packed(references: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
     """
     scales, changes = [], []
     for arrays in references:
-        rows = np.column_stack([arrays[name] for name in ROWS])
+        rows = np.column_stack([arrays[name] for name in ROWS]).astype(np.float64)
         scale = np.abs(rows).max(axis=0).astype(np.float32)
-        parts = np.rint(rows * (ROUNDED / np.where(scale > 0, scale, 1.0))).astype(np.int32)
+        parts = np.rint(ROUNDED * (rows / np.where(scale > 0, scale, 1.0))).astype(np.int32)
         change = np.diff(parts, axis=0, prepend=0)
         # small changes of either sign as small numbers
         changes.append((change << 1) ^ (change >> 31))

@@ -46,13 +46,13 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     - `action_mode`: "absolute", "delta" or "discrete" (`sph_gym.env.actions`)
     - `on_blowup`: "terminate", or "rollback", which charges for the step, goes back to where it
       began and tells the agent, at most three times in a row
-    - `reward_weights`: weights of the terms density, clumping, fidelity, work, blowup, of a
-      magnitude of at most 1e6
+    - `reward_weights`: weights of the terms density, clumping, noise, fidelity, work, blowup,
+      of a magnitude of at most 1e6
     - `tolerances`: of `sph_gym.env.rewards.Tolerances`, by name
-    - `reward`: "scalar", or "vector" for the five terms as an array, as MO-Gymnasium wants them;
+    - `reward`: "scalar", or "vector" for the six terms as an array, as MO-Gymnasium wants them;
       to be made with `gymnasium.make(..., disable_env_checker=True)`
     - `rate_limit`: the largest factor by which the sound speed may change in a step
-    - `observation`: "features" or "field" (`sph_gym.env.observations`)
+    - `observation`: "features", "features+context" or "field" (`sph_gym.env.observations`)
     - `render_mode`: None, "rgb_array" or "human"
 
     ## Episode
@@ -62,9 +62,9 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     tells all about the flow (`sph_gym.env.identity`).
 
     ## Info
-    Flat Python floats and two strings, each explained in `sph_gym.env.episode.INFO`; the
-    entries reward_density, reward_clumping, reward_fidelity, reward_work and reward_blowup sum to
-    the reward. `python -m sph_gym docs ID` prints all of this for one id, with tables.
+    Flat Python floats and three strings, each explained in `sph_gym.env.episode.INFO`; the
+    entries reward_density, reward_clumping, reward_noise, reward_fidelity, reward_work and
+    reward_blowup sum to the reward. `python -m sph_gym docs ID` prints all of this for one id, with tables.
 
     Raises ValueError for unknown names, for fluids so viscous that no action asks for a step that
     is short enough, and for actions that aren't finite and in the space.

@@ -8,7 +8,9 @@ from typing import Any
 
 from sph_gym.controllers import Network
 from sph_gym.controllers.network import shipped_network
+from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.oracle import COARSE, Oracle
+from sph_gym.env.rules import Rules
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.recommend.runs import Schedule
 from sph_gym.recommend.settings import is_agent
@@ -47,4 +49,5 @@ def _policy(name: str, scene: Scene) -> Callable[[Any, Any], Any]:
     if name == "lookahead":
         return Oracle(COARSE)
     trained = Network.load(shipped_network(name, scene.name))
+    trained.check(observation_layout(Rules()), action_layout("absolute"))
     return lambda env, observation: trained(observation)

@@ -1,7 +1,7 @@
 """Rules that set the controls from the present state of the solver."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sph_gym.solver.integrators import VISCOUS_SHARES
@@ -97,54 +97,6 @@ class TunedCfl:
         low, high = XSPH_RANGE
         decades = math.log10(USUAL_ALPHA / alpha) if alpha > 0 else math.inf
         return min(max(self.xsph + self.xsph_slope * decades, low), high)
-
-
-# Noise at which the adaptive rule takes the smallest and the largest epsilon, and these.
-QUIET, LOUD = 0.004, 0.015
-SMOOTHING = (0.12, 0.62)
-# Calls over which noise is remembered, and the least mean squared velocity that it is a share of
-# [(c0 / 10)^2], so that water at rest isn't all noise.
-MEMORY, STILL = 20, 1e-3
-
-
-class AdaptiveRule:
-    """The tuned rule with an epsilon that follows the noise: much where the fluid is a gas.
-
-    It remembers the noise of a run, to be called once a frame; at time 0 it begins anew.
-    """
-
-    def __init__(self, rule: TunedCfl = TunedCfl()) -> None:
-        self.rule, self.noise, self.calls = rule, 0.0, 0
-
-    def __call__(self, sim: Simulation) -> Controls:
-        """Return the controls for the present state."""
-        if sim.time == 0.0:
-            self.noise, self.calls = 0.0, 0
-        numbers = sim.diagnostics()
-        self.noise = remembered(self.noise, noise_share(sim, numbers), self.calls)
-        self.calls += 1
-        return self.rule(sim)._replace(xsph=smoothing(self.noise))
-
-
-def smoothing(noise: float) -> float:
-    """Return the epsilon for a noise as a share of the mean squared velocity."""
-    place = math.log(max(noise, QUIET) / QUIET) / math.log(LOUD / QUIET)
-    low, high = SMOOTHING
-    return low + (high - low) * min(place, 1.0)
-
-
-def noise_share(sim: Simulation, numbers: Mapping[str, float]) -> float:
-    """Return the mean squared velocity noise as a share of the mean squared velocity.
-
-    numbers: the diagnostics of the present state.
-    """
-    speed2 = 2 * numbers["kinetic_energy"] / (sim.mass * sim.n_fluid)
-    return numbers["velocity_noise"] / (speed2 + STILL * (sim.scene.fluid.c0 / 10) ** 2)
-
-
-def remembered(old: float, new: float, calls: float) -> float:
-    """Return the memory of noise after `calls` earlier ones: their mean, forgetting the oldest."""
-    return old + (new - old) / min(calls + 1.0, MEMORY)
 
 
 def damping_share(scene: Scene) -> float:

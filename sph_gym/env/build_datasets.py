@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from sph_gym import provenance
-from sph_gym.controllers.rules import AdaptiveRule, TunedCfl
+from sph_gym.controllers import AdaptiveRule, TunedCfl
 from sph_gym.env import dataset, instances
 from sph_gym.env.dataset import Episode
 from sph_gym.env.distributions import FAMILIES

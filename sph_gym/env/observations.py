@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from sph_gym.controllers.rules import noise_share, remembered
+from sph_gym.controllers.adaptive import NoiseMemory, no_memory
 from sph_gym.env.actions import Coordinates
 from sph_gym.env.contexts import Context
 from sph_gym.solver.scene import Scene
@@ -76,7 +76,8 @@ FEATURES = (
     Feature("noise", 0, 1, "s(mean squared velocity noise / (0.01 U^2))"),
     Feature(
         "noise_share", 0, 1,
-        "s(mean squared velocity noise / mean squared velocity / 1 %), remembered over 20 steps",
+        "s(mean squared velocity noise / mean squared velocity / 1 %), both as fading sums over the "
+        "past; 2 % where nothing is known yet",
     ),
 )  # fmt: skip
 CONTEXT = (
@@ -136,9 +137,13 @@ def measure(sim: Simulation, before: dict[str, float] | None = None) -> dict[str
     mass = sim.mass * sim.n_fluid
     numbers["speed2"] = 2 * numbers["kinetic_energy"] / mass
     numbers["com_v"] = numbers["momentum_y"] / mass
-    numbers["steps"] = 0.0 if before is None else before["steps"] + 1.0
-    old = 0.0 if before is None else before["noise_share"]
-    numbers["noise_share"] = remembered(old, noise_share(sim, numbers), numbers["steps"])
+    if before is None:
+        memory = no_memory(sim.scene)
+    else:
+        memory = NoiseMemory(before["past_noise"], before["past_motion"])
+    memory = memory.after(numbers["velocity_noise"], numbers["speed2"])
+    numbers["past_noise"], numbers["past_motion"] = memory
+    numbers["noise_share"] = memory.share
     return numbers
 
 

@@ -64,7 +64,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     ## Info
     Flat Python floats and three strings, each explained in `sph_gym.env.episode.INFO`; the
     entries reward_density, reward_clumping, reward_noise, reward_fidelity, reward_work and
-    reward_blowup sum to the reward. `python -m sph_gym docs ID` prints all of this for one id, with tables.
+    reward_blowup sum to the reward. `python -m sph_gym docs ID` prints all of this for one id,
+    with tables.
 
     Raises ValueError for unknown names, for fluids so viscous that no action asks for a step that
     is short enough, and for actions that aren't finite and in the space.

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.controllers.rules import smoothing
+from sph_gym.controllers.adaptive import smoothing
 from sph_gym.env import actions, instances
 from sph_gym.env.observations import FEATURES
 from sph_gym.env.tuning import TuningEnv

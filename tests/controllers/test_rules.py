@@ -4,17 +4,8 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, scenes
-from sph_gym.controllers import AdaptiveRule, ArticleCfl, Static, TunedCfl, nominal
-from sph_gym.controllers.rules import (
-    LOUD,
-    MEMORY,
-    QUIET,
-    SMOOTHING,
-    STILL,
-    XSPH_RANGE,
-    noise_share,
-    smoothing,
-)
+from sph_gym.controllers import ArticleCfl, Static, TunedCfl, nominal
+from sph_gym.controllers.rules import XSPH_RANGE
 from sph_gym.env import SCENES
 from sph_gym.env.instances import instance
 
@@ -79,58 +70,6 @@ def test_a_single_fast_particle_counts_less_than_a_fast_flow():
 def test_epsilon_makes_up_for_a_lack_of_viscosity(alpha, epsilon):
     assert TunedCfl().smoothing(alpha) == pytest.approx(epsilon)
     assert XSPH_RANGE[0] <= epsilon <= XSPH_RANGE[1]
-
-
-# --- The adaptive rule ----------------------------------------------------------------------
-
-
-class Told:
-    """What a rule looks at, with a noise that a test decides."""
-
-    def __init__(self, sim, time, share):
-        self._sim, self.time = sim, time
-        self._noise = share * STILL * (sim.scene.fluid.c0 / 10) ** 2
-
-    def __getattr__(self, name):
-        return getattr(self._sim, name)
-
-    def diagnostics(self):
-        return self._sim.diagnostics() | {"velocity_noise": self._noise, "kinetic_energy": 0.0}
-
-
-def test_the_adaptive_rule_remembers_the_mean_noise_and_then_forgets_the_oldest(sim):
-    rule, shares = AdaptiveRule(), np.random.default_rng(0).uniform(0.0, 0.02, 2 * MEMORY)
-    expected = 0.0
-    for k, share in enumerate(shares):
-        controls = rule(Told(sim, 0.1 * k, share))
-        if k < MEMORY:
-            expected = shares[: k + 1].mean()
-        else:
-            expected += (share - expected) / MEMORY
-        assert rule.noise == pytest.approx(expected)
-        assert controls == TunedCfl()(sim)._replace(xsph=smoothing(rule.noise))
-
-
-def test_the_adaptive_rule_begins_anew_with_a_run(sim):
-    rule = AdaptiveRule()
-    for time in (0.0, 0.1, 0.2):
-        rule(Told(sim, time, 1.0))
-    again = rule(Told(sim, 0.0, 0.0))
-    assert (rule.noise, rule.calls) == (0.0, 1)
-    assert again.xsph == SMOOTHING[0]
-
-
-def test_epsilon_rises_with_the_noise_within_its_range():
-    noises = np.geomspace(1e-6, 1.0, 60)
-    epsilons = [smoothing(noise) for noise in [0.0, *noises]]
-    assert epsilons == sorted(epsilons)
-    assert (epsilons[0], epsilons[-1]) == pytest.approx(SMOOTHING)
-    assert smoothing(np.sqrt(QUIET * LOUD)) == pytest.approx(np.mean(SMOOTHING))
-
-
-def test_water_at_rest_is_not_all_noise(sim):
-    still = noise_share(Told(sim, 0.0, 0.01), Told(sim, 0.0, 0.01).diagnostics())
-    assert still == pytest.approx(0.01)
 
 
 # An instance of each kind of context: noisy, damped, plain.

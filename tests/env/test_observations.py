@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sph_gym
-from sph_gym.controllers.rules import MEMORY, STILL
+from sph_gym.controllers.adaptive import no_memory
 from sph_gym.env import actions, contexts, env_id, instances, observations
 from sph_gym.env.observations import CONTEXT, FEATURES
 from sph_gym.env.reference import ReferenceRun
@@ -101,18 +101,14 @@ def test_entries_are_those_of_their_definitions(id_):
 def test_the_share_of_noise_is_remembered():
     env = made()
     begin(env, NOISY)
-    shares = []
-    for k in range(MEMORY + 10):
+    memory = no_memory(env.episode.scene)
+    for k in range(30):
         if k:
             seen, *_ = env.step(MOVE)
         sim, numbers = env.sim, env.sim.diagnostics()
-        speed2 = 2 * numbers["kinetic_energy"] / (sim.mass * sim.n_fluid)
-        still = STILL * (env.episode.scene.fluid.c0 / 10) ** 2
-        shares.append(numbers["velocity_noise"] / (speed2 + still))
-    memory = np.mean(shares[:MEMORY])
-    for share in shares[MEMORY:]:
-        memory += (share - memory) / MEMORY
-    assert seen[-1] == pytest.approx(squash(100 * memory), rel=1e-5)
+        motion = 2 * numbers["kinetic_energy"] / (sim.mass * sim.n_fluid)
+        memory = memory.after(numbers["velocity_noise"], motion)
+    assert seen[-1] == pytest.approx(squash(100 * memory.share), rel=1e-5)
 
 
 def test_a_noisy_fluid_shows_more_noise_than_a_damped_one():

@@ -76,7 +76,7 @@ FEATURES = (
     Feature("noise", 0, 1, "s(mean squared velocity noise / (0.01 U^2))"),
     Feature(
         "noise_share", 0, 1,
-        "s(mean squared velocity noise / mean squared velocity / 1 %), both as fading sums over the "
+        "s(mean squared velocity noise / mean squared velocity / 1 %), both fading sums over the "
         "past; 2 % where nothing is known yet",
     ),
 )  # fmt: skip

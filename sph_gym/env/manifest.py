@@ -1,10 +1,10 @@
 """Manifests: the meaning of the ids of instances, and their references, as data that is shipped.
 
 Every environment has NAME.json, with what makes each flow and the fingerprint of the scene that it
-made, and NAME.npz, with all references one after the other, rounded to ROUNDED parts of the largest
-value that a quantity has in its flow. `python -m sph_gym manifest` writes them. On top of NAME.json
-are the version of the ids, digests of flows and references, so that none changes unseen, and a hash
-of the sources that computed the references.
+made, and NAME.npz, with all references one after the other, rounded to a share of the largest
+value that a quantity has in its flow (PARTS). `python -m sph_gym manifest` writes them. On top of
+NAME.json are the version of the ids, digests of flows and references, so that none changes unseen,
+and a hash of the sources that computed the references.
 """
 
 import hashlib
@@ -26,12 +26,11 @@ FOLDER = Path(__file__).parent / "manifests"
 # of another version are not read.
 VERSION = "v1"
 DIGESTS = ("flows", "references")
-# A reference is rounded to so many parts of its largest value, below a hundredth of a tolerance.
-ROUNDED = 2**14 - 1
-
-
 # Quantities of a reference, and how many numbers each is in a frame.
 ROWS = {"com": 2, "extent": 2, "kinetic": 1, "clumping": 1, "noise": 1, "spread": 5}
+# Each is rounded to so many parts of its largest value, below a hundredth of a tolerance.
+_BITS = {"com": 13, "extent": 13, "kinetic": 13, "clumping": 12, "noise": 11, "spread": 9}
+PARTS = np.repeat([2 ** _BITS[name] - 1 for name in ROWS], list(ROWS.values()))
 
 
 class Entry(NamedTuple):
@@ -163,7 +162,7 @@ def packed(references: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
     for arrays in references:
         rows = np.column_stack([arrays[name] for name in ROWS]).astype(np.float64)
         scale = np.abs(rows).max(axis=0).astype(np.float32)
-        parts = np.rint(ROUNDED * (rows / np.where(scale > 0, scale, 1.0))).astype(np.int32)
+        parts = np.rint(PARTS * (rows / np.where(scale > 0, scale, 1.0))).astype(np.int32)
         change = np.diff(parts, axis=0, prepend=0)
         # small changes of either sign as small numbers
         changes.append((change << 1) ^ (change >> 31))
@@ -184,7 +183,7 @@ def unpacked(columns: Mapping[str, NDArray[Any]], k: int) -> dict[str, Any]:
     high, low = (columns[name][:, frames].astype(np.int32) for name in ("high", "low"))
     change = high << 8 | low
     parts = np.cumsum((change >> 1) ^ -(change & 1), axis=1).T
-    rows = parts * (columns["scales"][k].astype(np.float64) / ROUNDED)
+    rows = parts * (columns["scales"][k].astype(np.float64) / PARTS)
     ends = np.cumsum(list(ROWS.values()))[:-1]
     named = {
         name: block if width > 1 else block[:, 0]

@@ -36,13 +36,16 @@ def prepare(
         for name in names:
             bar.set_description(name)
             listed = None if again else _listed(name, folder)
-            rows = []
+            rows, flows = [], list(_flows(name))
             try:
-                for id_, flow in _flows(name):
+                for id_, flow in flows:
                     rows.append((id_, flow, _reference(id_, flow, listed)))
                     bar.update()
             finally:
-                if rows and (listed is None or len(rows) >= len(listed.entries)):
+                # what it did not come to stays
+                kept = [pair for pair in flows[len(rows) :] if _is_listed(listed, *pair)]
+                rows += [(id_, flow, _reference(id_, flow, listed)) for id_, flow in kept]
+                if rows:
                     manifest.write(name, rows, folder, sources())
     return [folder / f"{name}.json" for name in names]
 
@@ -89,7 +92,11 @@ def _flows(name: str) -> Iterator[tuple[str, Entry]]:
             yield id_, Entry(drawn, fingerprint(Instance(id_, drawn).build()))
 
 
+def _is_listed(listed: manifest.Manifest | None, id_: str, flow: Entry) -> bool:
+    return listed is not None and listed.entries.get(id_) == flow
+
+
 def _reference(id_: str, flow: Entry, listed: manifest.Manifest | None) -> dict[str, Any]:
-    if listed is not None and listed.entries.get(id_) == flow:
+    if listed is not None and _is_listed(listed, id_, flow):
         return listed.arrays(id_)
     return as_arrays(reference(Instance(id_, flow.drawn).build()))

@@ -29,8 +29,8 @@ DIGESTS = ("flows", "references")
 # Quantities of a reference, and how many numbers each is in a frame.
 ROWS = {"com": 2, "extent": 2, "kinetic": 1, "clumping": 1, "noise": 1, "spread": 5}
 # Each is rounded to so many parts of its largest value, below a hundredth of a tolerance.
-_BITS = {"com": 13, "extent": 13, "kinetic": 13, "clumping": 12, "noise": 11, "spread": 9}
-PARTS = np.repeat([2 ** _BITS[name] - 1 for name in ROWS], list(ROWS.values()))
+BITS = {"com": 13, "extent": 13, "kinetic": 13, "clumping": 12, "noise": 11, "spread": 9}
+PARTS = np.repeat([2 ** BITS[name] - 1 for name in ROWS], list(ROWS.values()))
 
 
 class Entry(NamedTuple):

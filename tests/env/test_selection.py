@@ -147,7 +147,7 @@ def test_dictionaries_that_are_no_scene_are_refused(wrong):
     ("id_", "arguments", "n_steps"),
     [
         ("sph_gym/PatchImpact-v1", {}, 75),
-        ("sph_gym/PatchImpact-v1", {"instances": "train"}, 75),
+        ("sph_gym/PatchImpact-v1", {"instances": "val"}, 75),
         ("sph_gym/LongFall-v1", {"instances": "test"}, 125),
         ("sph_gym/HydrostaticTank-v1", {"instances": "val"}, 120),
         ("sph_gym/PatchImpact-v1", {"instances": "ood"}, None),

@@ -176,6 +176,4 @@ FAMILY = FlowFamily(
     draw=draw,
     odd=STRONG_GRAVITY,
     frames_per_step=1.5,
-    headroom=1.331,
-    remark="small headroom",
 )

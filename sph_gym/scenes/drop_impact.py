@@ -151,5 +151,4 @@ FAMILY = FlowFamily(
     draw=draw,
     odd=STRONG_GRAVITY,
     frames_per_step=1.5,
-    headroom=2.025,
 )

@@ -77,4 +77,4 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = FlowFamily("drop_sequence", dx=0.03, seed=3, draw=draw, odd=STRONG_GRAVITY, headroom=1.879)
+FAMILY = FlowFamily("drop_sequence", dx=0.03, seed=3, draw=draw, odd=STRONG_GRAVITY)

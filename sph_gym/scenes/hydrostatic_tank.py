@@ -182,5 +182,4 @@ FAMILY = FlowFamily(
     draw=draw,
     odd=STRONG_GRAVITY,
     diagnostic="the water is at rest: the softest fluid and the longest step win",
-    headroom=0.8598,
 )

@@ -66,4 +66,4 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = FlowFamily("long_fall", dx=0.02, seed=5, draw=draw, odd=STRONG_GRAVITY, headroom=2.538)
+FAMILY = FlowFamily("long_fall", dx=0.02, seed=5, draw=draw, odd=STRONG_GRAVITY)

@@ -62,5 +62,4 @@ FAMILY = FlowFamily(
     seed=0,
     draw=draw,
     odd=("speed", 4.0, 8.0),
-    headroom=1.788,
 )

@@ -81,5 +81,4 @@ FAMILY = FlowFamily(
     seed=7,
     draw=draw,
     odd=STRONG_GRAVITY,
-    headroom=1.56,
 )

@@ -10,7 +10,7 @@ from sph_gym.studies import headroom
 from sph_gym.studies.episodes import Score, StaticGrid, best_static, results, run
 from sph_gym.studies.table import Row
 
-INSTANCE = "colliding_patches/val/3"
+INSTANCE = "patch_impact/val/3"
 GRID = StaticGrid(sound=(0.4, 0.6), xsph=(0.3,), substeps=12)
 
 
@@ -91,17 +91,20 @@ def test_where_nothing_can_be_compared_nothing_is_gained():
 
 
 def test_the_best_static_setting_keeps_within_tolerance():
-    found = best_static("colliding_patches", INSTANCE, GRID)
+    found = best_static("patch_impact", INSTANCE, GRID)
     assert found is not None
     setting, best = found
     assert best.within
     action = np.array(setting, np.float32)
-    assert run("colliding_patches", INSTANCE, lambda env, _: action) == best
-    assert best_static("colliding_patches", INSTANCE, GRID._replace(substeps=1)) is None
+    assert run("patch_impact", INSTANCE, lambda env, _: action) == best
+    assert best_static("patch_impact", INSTANCE, GRID._replace(substeps=1)) is None
 
 
 def test_a_quick_study_is_kept_on_disk(tmp_path, monkeypatch):
-    plan = headroom.HeadroomPlan(("colliding_patches",), 1, 0, COARSE, GRID)
+    settings = headroom.ControlGrid((0.8,), (0.3, 0.5), (0.15, 1.0))
+    plan = headroom.HeadroomPlan(
+        ("patch_impact",), 1, 0, COARSE, GRID, held=2, settings=settings, honest=0
+    )
     monkeypatch.setattr(headroom, "QUICK", plan)
     first = list(headroom.measure(True, tmp_path))
     monkeypatch.setattr(headroom, "run", lambda *arguments: pytest.fail("played twice"))
@@ -109,13 +112,13 @@ def test_a_quick_study_is_kept_on_disk(tmp_path, monkeypatch):
     found = {row.quantity: row for row in first}
     row = found["headroom over the best static"]
     small = "" if row.value >= headroom.HEADROOM else ", small headroom"
-    assert row.case == f"colliding_patches, benchmark{small}"
+    assert row.case == f"patch_impact, benchmark{small}"
     assert row.value > 1.0
-    assert found["headroom"].case == "colliding_patches/val/0"
+    assert found["headroom"].case == "patch_impact/val/0"
     assert found["headroom"].value == pytest.approx(row.value)
     told = read(tmp_path / "headroom_quick_instances.csv")
     assert [one["player"] for one in told] == list(headroom.PLAYERS.values())
-    assert {one["instance"] for one in told} == {"colliding_patches/val/0"}
+    assert {one["instance"] for one in told} == {"patch_impact/val/0"}
     assert {float(one["headroom"]) for one in told} == {found["headroom"].value}
     assert [one["within"] for one in told[1:]] == ["True", "True"]
 
@@ -203,7 +206,7 @@ def test_the_table_says_why_a_scene_is_no_benchmark(name, tmp_path, monkeypatch,
 
 def test_labels_are_written_for_the_pages(tmp_path, monkeypatch):
     good, small, none = [contest()], [contest(149)], [contest(beyond=0.06)]
-    found = {"dam_break": good, "sloshing": small, "long_fall": none, "relaxation": none}
+    found = {"dam_break": good, "shaken_tank": small, "long_fall": none, "relaxation": none}
     rows = [row for scene, each in found.items() for row in headroom.rows(scene, each)]
     monkeypatch.setitem(studies._STUDIES, "headroom", lambda quick, folder: rows)
     studies.run_study("headroom", folder=tmp_path)
@@ -211,7 +214,7 @@ def test_labels_are_written_for_the_pages(tmp_path, monkeypatch):
         written = [tuple(row.values()) for row in csv.DictReader(file)]
     assert written == [
         ("dam_break", "3", "benchmark"),
-        ("sloshing", "1.49", "benchmark, small headroom"),
+        ("shaken_tank", "1.49", "benchmark, small headroom"),
         ("long_fall", "", "benchmark, unknown headroom"),
         ("relaxation", "", "diagnostic"),
     ]

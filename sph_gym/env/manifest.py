@@ -152,7 +152,7 @@ def write(
     _write_flows(folder / f"{name}.json", entries, _digests(entries, columns), sources)
 
 
-def packed(references: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
+def packed(references: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return references as few bytes: changes from frame to frame in whole parts of the largest.
 
     High and low bytes are kept apart, and quantities one after the other, since equal bytes side by

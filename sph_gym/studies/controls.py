@@ -79,6 +79,10 @@ def follow_noise(env: Any, place: NDArray[Any]) -> NDArray[np.float32]:
     return coordinates.astype(np.float32)
 
 
+def _following(place: NDArray[Any]) -> episodes.Policy:
+    return lambda env, observation: follow_noise(env, place)
+
+
 def play(scene: str, number: int, grid: ControlGrid, folder: Path) -> Table:
     """Return the rewards of a validation instance; played before, they come from the folder."""
     instance = f"{scene}/val/{number}"
@@ -101,7 +105,7 @@ def _play(instance: str, grid: ControlGrid) -> tuple[Rewards, Rewards, str]:
 
     for i, j in np.ndindex(*sizes[:EPSILON]):
         place = actions.locate(grid.courant[i], grid.sound[j], 0.0)
-        following[i, j] = reward(lambda env, _, place=place: follow_noise(env, place))
+        following[i, j] = reward(_following(place))
         for k, epsilon in enumerate(grid.xsph):
             place = actions.locate(grid.courant[i], grid.sound[j], epsilon)
             static[i, j, k] = reward(constant(*place))

@@ -6,6 +6,7 @@ judged as an episode is. What they are charged for is no fault of theirs.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -80,9 +81,7 @@ def measure_references(names: list[str], n_instances: int, folder: Path) -> Iter
         for number in progress(range(n_instances), f"{name}: references", "instance"):
             instance = instances.instance(name, "val", number)
             for kind, rival in rivals(instance).items():
-                found = store.get(
-                    [instance.id, kind], lambda i=instance, r=rival: share_within(i, r)
-                )
+                found = store.get([instance.id, kind], partial(share_within, instance, rival))
                 shares.setdefault(kind, []).append(found)
         for kind, values in shares.items():
             bound = None if name in instances.DIAGNOSTIC else WITHIN

@@ -97,7 +97,7 @@ def test_a_module_is_a_scene_without_being_listed(tmp_path, monkeypatch):
     assert scenes.names() == before
 
 
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.scene)
 def test_a_family_draws_arguments_of_its_scene(family):
     assert scenes.family(family.scene) is family
     arguments = family.draw(np.random.default_rng(0), family.dx)
@@ -107,7 +107,7 @@ def test_a_family_draws_arguments_of_its_scene(family):
 
 
 def test_families_are_those_of_the_environments_and_draw_by_their_own_seeds():
-    assert [family.name for family in FAMILIES] == list(SCENES)
+    assert [family.scene for family in FAMILIES] == list(SCENES)
     assert len({family.seed for family in FAMILIES}) == len(FAMILIES)
 
 

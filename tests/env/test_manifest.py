@@ -98,8 +98,11 @@ def test_shipped_references_are_what_their_flows_do(scene, which):
     assert shipped.cfl_substeps == pytest.approx(references._cfl_substeps(built), rel=SUBSTEPS)
     start = replace(built, duration=FRAMES * built.frame)
     found = references.run(references.truth(start))
-    own = references._own_run(start) or found
-    found = found._replace(clumping=np.maximum(found.clumping, own.clumping))
+    # to its end, since one that blows up late is forgiven nothing from the start
+    own = references._own_run(built)
+    if own is not None:
+        most = np.maximum(found.clumping, own.clumping[: FRAMES + 1])
+        found = found._replace(clumping=most)
     unit = (built.fluid.c0 / 10) ** 2
     for name, tolerance in (
         ("kinetic", ENERGY * shipped.fine.kinetic.max()), ("com", PLACE * built.dx),

@@ -2,7 +2,7 @@
 
 from sph_gym.solver.report import Report
 
-# Of each cause: what happened, and what helps.
+# Explanation and remedy of each cause.
 CAUSES = {
     "cfl": ("the time step was too long", "a smaller dt helps"),
     "stiffness": (

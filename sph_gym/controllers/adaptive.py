@@ -68,4 +68,4 @@ class AdaptiveRule:
             self.memory = no_memory(sim.scene)
         motion = 2 * numbers["kinetic_energy"] / (sim.mass * sim.n_fluid)
         self.memory = self.memory.after(numbers["velocity_noise"], motion)
-        return self.rule(sim)._replace(xsph=smoothing(self.memory.share))
+        return self.rule.at(sim, numbers)._replace(xsph=smoothing(self.memory.share))

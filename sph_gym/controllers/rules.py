@@ -1,7 +1,7 @@
 """Rules that set the controls from the present state of the solver."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from sph_gym.solver.integrators import VISCOUS_SHARES
@@ -80,8 +80,11 @@ class TunedCfl:
 
     def __call__(self, sim: Simulation) -> Controls:
         """Return the controls for the present state."""
+        return self.at(sim, sim.diagnostics())
+
+    def at(self, sim: Simulation, numbers: Mapping[str, float]) -> Controls:
+        """Return the controls for the present state, whose diagnostics are known."""
         scene, h = sim.scene, sim.scene.h
-        numbers = sim.diagnostics()
         follow = max(self.mach * numbers["flow_speed"], self.fastest * numbers["max_speed"])
         c = max(follow, self.floor * scene.fluid.c0)
         nu = scene.effects.laminar_viscosity or 0.0

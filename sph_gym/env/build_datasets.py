@@ -43,7 +43,7 @@ POLICIES = {
         lambda seed: follow(AdaptiveRule()), "the tuned CFL rule, its epsilon by measured noise"
     ),
 }
-# What is recorded unless something else is asked for.
+# Policies that are recorded by default.
 USUAL = ("tuned-rule", "oracle", "random")
 
 

@@ -40,7 +40,7 @@ class Display:
 
     @property
     def surface(self) -> Any:
-        """What is drawn on; None once the display is gone."""
+        """Surface of the display; None once that is gone."""
         return load().display.get_surface()
 
     def close(self) -> None:

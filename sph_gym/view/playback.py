@@ -40,7 +40,7 @@ class Frames(Protocol):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """What the recording says of itself."""
+        """Description of the recording, as it gives it itself."""
 
     @property
     def gauges(self) -> dict[str, Array]:

@@ -16,7 +16,7 @@ from sph_gym.controllers.adaptive import (
 
 
 class Told:
-    """What a rule looks at, with mean squares of noise and motion that a test decides."""
+    """Simulation whose mean squares of noise and motion are chosen by a test."""
 
     def __init__(self, sim, time, noise, motion):
         self._sim, self.time, self._told = sim, time, (noise, motion)

@@ -303,7 +303,7 @@ def made_up(n_frames, seed=0, scale=1.0):
 
 
 def assert_rounded(found, given):
-    """What comes back is rounded to a share of the largest value, and no more."""
+    """Check that numbers that were read are rounded to a share of the largest value, no further."""
     assert set(found) == set(given)
     assert found["cfl_substeps"] == given["cfl_substeps"]
     for name in manifest.ROWS:

@@ -1,4 +1,4 @@
-"""What adapters of published packages have in common: any of them may use it."""
+"""Shared parts of the adapters of published packages."""
 
 import ctypes
 from collections.abc import Callable

@@ -24,6 +24,8 @@ KINDS = ("noisy", "damped") * 4 + ("plain",)
 LEAST_PLAIN, LEAST_DAMPED = 0.01, 0.06
 # Laminar viscosity of the viscous fluids, in multiples of h c0.
 LAMINAR = (0.003, 0.01)
+# Kernel of the article, whose density and force don't match; and two that do.
+UNMATCHED = "mueller"
 MATCHED = ("wendland_c2", "cubic_spline")
 INTEGRATORS = ("kick_drift_kick", "predictor_corrector")
 
@@ -37,7 +39,7 @@ class Context(NamedTuple):
 
     alpha: float = 0.02
     support: float = USUAL
-    kernel: str = "mueller"
+    kernel: str = UNMATCHED
     viscosity: float = 0.0
     integrator: str = "symplectic_euler"
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sph_gym.controllers.adaptive import NoiseMemory, no_memory
 from sph_gym.env.actions import Coordinates
-from sph_gym.env.contexts import Context
+from sph_gym.env.contexts import UNMATCHED, Context
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.stepping import COURANT, FORCE
@@ -50,6 +50,11 @@ class Feature(NamedTuple):
 def _squash(x: float) -> float:
     """Map [0, inf) to [0, 1), and what isn't finite to 1."""
     return x / (1 + x) if math.isfinite(x) else 1.0
+
+
+def unsquash(y: float) -> float:
+    """Return the x of an entry y = x / (1 + x), a large one where the entry is 1."""
+    return y / max(1.0 - y, 1e-9)
 
 
 FEATURES = (
@@ -123,7 +128,7 @@ def _entries(moment: Moment) -> list[float]:
 
 def _of_context(context: Context) -> list[float]:
     """Return the values of CONTEXT."""
-    matched = float(context.kernel != "mueller")
+    matched = float(context.kernel != UNMATCHED)
     support = context.support / 5
     return [_squash(50 * context.alpha), support, matched, _squash(100 * context.viscosity)]
 

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from sph_gym import provenance
 from sph_gym.controllers.rules import TunedCfl, from_numbers
 from sph_gym.env import actions, manifest, viscous
+from sph_gym.env.contexts import UNMATCHED
 from sph_gym.env.fingerprint import digest, fingerprint
 from sph_gym.files import atomic_write, cache_home
 from sph_gym.solver import jit
@@ -37,7 +38,7 @@ from sph_gym.solver.simulation import Simulation
 # The fine run: a step far below the limit of about 0.9 h/c, and a kernel and a support radius [dx]
 # for a scene whose own are none of a matched pair or too narrow for one.
 COURANT = 0.25
-UNMATCHED, MATCHED, SUPPORT = "mueller", "wendland_c2", 2.6
+MATCHED, SUPPORT = "wendland_c2", 2.6
 # Epsilon of the instance's own run.
 NOMINAL_XSPH = 0.3
 # The twins of the fine run differ from it in ways that shouldn't matter: a softer fluid, and

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sph_gym.controllers.adaptive import smoothing
 from sph_gym.env import actions, instances
-from sph_gym.env.observations import FEATURES
+from sph_gym.env.observations import FEATURES, unsquash
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.studies import episodes
 from sph_gym.studies.averages import bootstrap_interval
@@ -73,7 +73,7 @@ def follow_noise(env: Any, place: NDArray[Any]) -> NDArray[np.float32]:
     place: coordinates of the other two controls.
     """
     seen = float(env.episode.observe()[NOISE_SHARE])
-    epsilon = smoothing(0.01 * seen / max(1.0 - seen, 1e-9))
+    epsilon = smoothing(0.01 * unsquash(seen))
     coordinates = actions.locate(1.0, 1.0, epsilon)
     coordinates[:EPSILON] = place[:EPSILON]
     return coordinates.astype(np.float32)

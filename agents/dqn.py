@@ -3,13 +3,14 @@
 from stable_baselines3 import DQN
 
 from agents.arguments import parse
-from agents.training import Training, TrainingArgs, plain_network
+from agents.exports import plain_network
+from agents.training import Training, TrainingArgs
 from sph_gym.controllers import Network
 
 
 def export(model: DQN) -> Network:
     """Return the network of the values; the policy takes the action of the largest."""
-    return plain_network(model.q_net.q_net, squash="none")
+    return plain_network(model.q_net.q_net, "none", "discrete")
 
 
 def train(args: TrainingArgs) -> None:

@@ -5,14 +5,15 @@ from typing import Any
 from stable_baselines3 import PPO
 
 from agents.arguments import parse
-from agents.training import Training, TrainingArgs, plain_network
+from agents.exports import plain_network
+from agents.training import Training, TrainingArgs
 from sph_gym.controllers import Network
 
 
 def export(model: PPO) -> Network:
     """Return the mean of the policy as a plain network; actions are clipped to the box."""
     policy: Any = model.policy
-    return plain_network([*policy.mlp_extractor.policy_net, policy.action_net], squash="clip")
+    return plain_network([*policy.mlp_extractor.policy_net, policy.action_net], "clip", "absolute")
 
 
 def train(args: TrainingArgs) -> None:

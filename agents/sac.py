@@ -5,14 +5,15 @@ from typing import Any
 from stable_baselines3 import SAC
 
 from agents.arguments import parse
-from agents.training import Training, TrainingArgs, plain_network
+from agents.exports import plain_network
+from agents.training import Training, TrainingArgs
 from sph_gym.controllers import Network
 
 
 def export(model: SAC) -> Network:
     """Return the mean of the policy as a plain network; tanh brings actions into the box."""
     actor: Any = model.actor
-    return plain_network([*actor.latent_pi, actor.mu], squash="tanh")
+    return plain_network([*actor.latent_pi, actor.mu], "tanh", "absolute")
 
 
 def train(args: TrainingArgs) -> None:

@@ -1,9 +1,11 @@
 """Command lines from typed arguments: the dataclass on top of a program becomes its parser."""
 
 import argparse
-from dataclasses import MISSING, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from sph_gym.studies.backends import Backend
 
 Arguments = TypeVar("Arguments")
 
@@ -11,6 +13,21 @@ Arguments = TypeVar("Arguments")
 def option(text: str, default: Any = MISSING) -> Any:
     """Return a field of a dataclass of arguments; `text` is what --help says of it."""
     return field(default=default, metadata={"help": text})
+
+
+@dataclass(kw_only=True)
+class BackendArgs:
+    """Arguments of every program that makes many runs: where they run."""
+
+    backend: str = option("where runs go: local, ray or dask", "local")
+    address: str | None = option(
+        "of a running cluster of Ray or Dask; without, one is started on this machine", None
+    )
+    workers: int | None = option("side by side on this machine; by default one a processor", None)
+
+    def where(self) -> Backend:
+        """Return the backend. Raises ValueError for an unknown name and for wrong options."""
+        return Backend(self.backend, self.address, self.workers).checked()
 
 
 def parse(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import sph_gym
 from agents import grid_search, plots, report
-from agents.arguments import option, parse
+from agents.arguments import BackendArgs, option, parse
 from agents.evaluate import (
     evaluate,
     instance_ids,
@@ -43,7 +43,7 @@ Picture = NDArray[np.uint8]
 
 
 @dataclass
-class ComparisonArgs:
+class ComparisonArgs(BackendArgs):
     """Arguments of a comparison."""
 
     scene: str = option("scene of the environment", "dam_break")
@@ -99,6 +99,9 @@ def _search(args: ComparisonArgs) -> pd.DataFrame:
             sound=_spread(0.2, 1.0, n_sound),
             xsph=_spread(0.1, 0.7, n_xsph),
             output=args.output,
+            backend=args.backend,
+            address=args.address,
+            workers=args.workers,
         )
     )
 
@@ -160,7 +163,7 @@ def compare(args: ComparisonArgs) -> Path:
     """Run everything that is missing and write the folder. Returns the path of the report."""
     instances = instance_ids(args.scene, args.instances, args.n_instances)
     chosen = specs(args)
-    runs = evaluate(chosen, args.scene, instances, args.output / "runs.csv")
+    runs = evaluate(chosen, args.scene, instances, args.output / "runs.csv", args.where())
     summary, shifts = summary_table(runs), shift_table(runs)
     report.write_tables(summary, args.output)
     if len(shifts):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from agents.arguments import option, parse
+from agents.arguments import BackendArgs, option, parse
 from agents.evaluate import MEASURES, Job, instance_ids, run_episodes, show, write_csv
 from agents.policies import Spec
 
@@ -14,7 +14,7 @@ SETTINGS = ["courant", "sound", "xsph"]
 
 
 @dataclass
-class GridSearchArgs:
+class GridSearchArgs(BackendArgs):
     """Arguments of a search: the grid, and the training instances to try it on."""
 
     scene: str = option("scene of the environment", "dam_break")
@@ -38,7 +38,7 @@ def search(args: GridSearchArgs) -> pd.DataFrame:
         for settings in itertools.product(args.courant, args.sound, args.xsph)
         for seed, instance in enumerate(instances)
     ]
-    rows = run_episodes(jobs, args.output, "grid search")
+    rows = run_episodes(jobs, args.output, "grid search", args.where())
     tried = pd.DataFrame([job.spec.settings for job in jobs], columns=SETTINGS)
     tried["instance"] = [job.instance for job in jobs]
     runs = tried.join(pd.DataFrame(rows))

@@ -168,7 +168,7 @@ def test_intervals_hold_the_mean():
 def test_a_network_that_was_trained_anew_is_another_agent(tmp_path, monkeypatch):
     asked = []
 
-    def run_jobs(function, jobs, keys, results, title):
+    def run_jobs(function, jobs, keys, results, title, backend):
         asked.extend(keys)
         return [{} for _ in jobs]
 

@@ -1,0 +1,192 @@
+"""Where independent jobs run: processes of this machine, or a cluster of Ray or Dask.
+
+On all of them a job whose worker dies runs again, on another worker, and nothing else is lost.
+"""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple
+
+from sph_gym.extras import needs_extra
+from sph_gym.solver.checks import known, whole
+from sph_gym.solver.jit import announce_compilation
+from sph_gym.solver.teams import most_threads
+
+# A job that has killed so many workers is given up.
+ATTEMPTS = 3
+# Ray's store of objects [bytes]: jobs and their results are small.
+OBJECT_STORE = 80 * 2**20
+
+# (function, *arguments) -> the future of what it returns
+Submit = Callable[..., "Future[Any]"]
+
+
+class Backend(NamedTuple):
+    """Where jobs run.
+
+    name: one of NAMES; address: of a running cluster of Ray or Dask, None to start one on this
+    machine for as long as the jobs take; workers: of what is started, None for one a processor.
+    """
+
+    name: str = "local"
+    address: str | None = None
+    workers: int | None = None
+
+    def checked(self) -> "Backend":
+        """Return this backend. Raises ValueError for an unknown name and for wrong options."""
+        known("backend", self.name, NAMES)
+        if self.address is not None and self.name == "local":
+            raise ValueError(
+                f"address: expected none with the backend 'local', got {self.address!r}"
+            )
+        if self.workers is not None:
+            whole("workers", self.workers, at_least=1)
+            if self.address is not None:
+                raise ValueError(
+                    f"workers: a cluster with an address has workers of its own, got {self.workers}"
+                )
+        return self
+
+
+LOCAL = Backend()
+
+
+@contextmanager
+def open_pool(backend: Backend, most: int) -> Iterator[Submit]:
+    """Yield a function that submits a job; what is not done when the block fails is dropped.
+
+    most: how many workers can have something to do.
+    Raises ValueError for wrong options, ImportError that names the extra to install, and OSError
+    if there is no cluster at the address.
+    """
+    backend.checked()
+    n_workers = max(min(backend.workers or most_threads(), most), 1)
+    with _POOLS[backend.name](backend.address, n_workers) as submit:
+        yield submit
+
+
+# --- Processes of this machine --------------------------------------------------------------
+
+
+class _Worker:
+    """A process that does one job after the other; another takes its place if it dies."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._process = ProcessPoolExecutor(1, context, initializer=_begin_worker)
+        self._id = self._process.submit(os.getpid).result()
+
+    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what the job returns. Raises BrokenProcessPool if the process has died."""
+        return self._process.submit(function, *arguments).result()
+
+    def stop(self, signal_: int = signal.SIGTERM) -> None:
+        """End the process, whatever it does."""
+        with suppress(ProcessLookupError):
+            os.kill(self._id, signal_)
+        self._process.shutdown(wait=True, cancel_futures=True)
+
+
+class _LocalPool:
+    """One thread a worker: a process that is killed takes no other with it."""
+
+    def __init__(self, n_workers: int) -> None:
+        self._threads = ThreadPoolExecutor(n_workers)
+        self._own = threading.local()
+        self._all: list[_Worker] = []
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> "Future[Any]":
+        """Return the future of a job."""
+        return self._threads.submit(self._run, function, *arguments)
+
+    def _run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        for _ in range(ATTEMPTS):
+            try:
+                return self._worker().run(function, *arguments)
+            except BrokenProcessPool as error:
+                self._own.worker, broken = None, error
+        raise RuntimeError(f"a job has ended {ATTEMPTS} workers: {arguments!r}") from broken
+
+    def _worker(self) -> _Worker:
+        if getattr(self._own, "worker", None) is None:
+            self._own.worker = _Worker()
+            self._all.append(self._own.worker)
+        return self._own.worker
+
+    def stop(self) -> None:
+        """Drop what waits and end all processes."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        for worker in self._all:
+            worker.stop()
+
+
+@contextmanager
+def _local(address: None, n_workers: int) -> Iterator[Submit]:
+    pool = _LocalPool(n_workers)
+    try:
+        yield pool.submit
+    finally:
+        pool.stop()
+
+
+def _begin_worker() -> None:
+    """Leave Ctrl-C to the process that has started this one, and end when that has ended."""
+    announce_compilation()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_follow_parent, daemon=True).start()
+
+
+def _follow_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+# --- Clusters -------------------------------------------------------------------------------
+
+
+@contextmanager
+def _dask(address: str | None, n_workers: int) -> Iterator[Submit]:
+    with needs_extra("cluster"):
+        from distributed import Client
+    if address is not None:
+        options: dict[str, Any] = {"address": address}
+    else:
+        # without a page of its state, and without a limit of memory that none of our jobs reaches
+        options = {"n_workers": n_workers, "threads_per_worker": 1, "memory_limit": 0}
+        options |= {"dashboard_address": None}
+    with Client(**options) as client, client.get_executor(pure=False) as executor:
+        yield executor.submit
+
+
+@contextmanager
+def _ray(address: str | None, n_workers: int) -> Iterator[Submit]:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    with needs_extra("cluster"):
+        import ray
+    if address is not None:
+        options: dict[str, Any] = {"address": address}
+    else:
+        options = {"num_cpus": n_workers, "include_dashboard": False}
+        options |= {"object_store_memory": OBJECT_STORE}
+    ray.init(**options, configure_logging=False, log_to_driver=False)
+    job = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_call)
+    try:
+        yield lambda function, *arguments: job.remote(function, *arguments).future()
+    finally:
+        ray.shutdown()
+
+
+def _call(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
+
+
+_POOLS: dict[str, Callable[[Any, int], Any]] = {"local": _local, "ray": _ray, "dask": _dask}
+NAMES = tuple(_POOLS)

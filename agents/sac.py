@@ -6,7 +6,7 @@ from stable_baselines3 import SAC
 
 from agents.arguments import parse
 from agents.exports import plain_network
-from agents.training import Training, TrainingArgs
+from agents.training import Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
 
 
@@ -16,9 +16,9 @@ def export(model: SAC) -> Network:
     return plain_network([*actor.latent_pi, actor.mu], "tanh", "absolute")
 
 
-def train(args: TrainingArgs) -> None:
+def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
-    training = Training("sac", args, export)
+    training = Training("sac", args, export, trial=trial)
     envs = training.make_envs()
     if args.resume:
         model = SAC.load(training.checkpoint(), env=envs, device="cpu")

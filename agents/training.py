@@ -1,10 +1,10 @@
 """Shared parts of all trainings: arguments, environments, checkpoints, interruption, export."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 import yaml
@@ -42,18 +42,31 @@ class TrainingArgs:
     ship: bool = option("also put the best network into the package", False)
 
 
+class Trial(NamedTuple):
+    """A training that is one of many, to find hyperparameters.
+
+    settings: hyperparameters instead of those of the YAML file, those within a group as
+    "group.name"; report: is told steps and mean return of every validation, and may raise to end
+    the training.
+    """
+
+    settings: dict[str, Any]
+    report: Callable[[int, float], None]
+
+
 @dataclass(frozen=True)
 class Training:
     """One training of an algorithm.
 
     algorithm: name of its YAML file and of its folder; export: makes a plain network of a model;
-    action_mode: the kind of actions that it can learn.
+    action_mode: the kind of actions that it can learn; trial: None for a training by itself.
     """
 
     algorithm: str
     args: TrainingArgs
     export: Callable[[Any], Network]
     action_mode: str = "absolute"
+    trial: Trial | None = None
 
     @property
     def folder(self) -> Path:
@@ -74,6 +87,8 @@ class Training:
     def settings(self) -> dict[str, Any]:
         """Return the arguments of a new model; its learning rate falls linearly to zero."""
         found = hyperparameters(self.algorithm, self.args.scene)
+        if self.trial is not None:
+            found = replaced(found, self.trial.settings)
         return found | {
             "learning_rate": linear(found["learning_rate"]),
             "tensorboard_log": str(self.folder / "tensorboard"),
@@ -95,8 +110,11 @@ class Training:
             )
         return path
 
-    def learn(self, model: BaseAlgorithm) -> None:
-        """Train, and export the best model; Ctrl-C ends the training and still exports."""
+    def learn(self, model: BaseAlgorithm, more: Sequence[BaseCallback] = ()) -> None:
+        """Train, and export the best model; Ctrl-C ends the training and still exports.
+
+        more: callbacks besides checkpoints and validations. Ctrl-C ends all trials with this one.
+        """
         args, best = self.args, self.folder / "best_model.zip"
         ids = validation_ids(args.scene, args.n_evaluations)
         validation = Validation(ids, self.folder, self.action_mode, args.resume)
@@ -105,12 +123,14 @@ class Training:
         try:
             model.learn(
                 max(args.steps - model.num_timesteps, 0),
-                callback=self._callbacks(validation),
+                callback=CallbackList([*more, *self._callbacks(validation)]),
                 tb_log_name="train",
                 reset_num_timesteps=not args.resume,
                 progress_bar=True,
             )
         except KeyboardInterrupt:
+            if self.trial is not None:
+                raise
             print("interrupted: what has been learned so far is kept")
         last = self.folder / "last_model.zip"
         model.save(last)
@@ -130,22 +150,30 @@ class Training:
             shutil.copyfile(source, copy)
         print(f"shipped: {target}")
 
-    def _callbacks(self, validation: Validation) -> BaseCallback:
+    def _callbacks(self, validation: Validation) -> list[BaseCallback]:
         """Return checkpoints, and validations that keep the best network."""
         every = max(self.args.evaluate_every // self.args.n_envs, 1)
         folder = str(self.folder / "checkpoints")
-        return CallbackList(
-            [
-                CheckpointCallback(every, folder, self.algorithm),
-                ValidationCallback(validation, every, self.export),
-            ]
-        )
+        report = None if self.trial is None else self.trial.report
+        return [
+            CheckpointCallback(every, folder, self.algorithm),
+            ValidationCallback(validation, every, self.export, report),
+        ]
 
 
 def hyperparameters(algorithm: str, scene: str) -> dict[str, Any]:
     """Return the YAML entry of an environment id, or the default one."""
     table = yaml.safe_load((FOLDER / "hyperparams" / f"{algorithm}.yml").read_text())
     return dict(table.get(env_id(scene), table["default"]))
+
+
+def replaced(settings: dict[str, Any], others: dict[str, Any]) -> dict[str, Any]:
+    """Return settings with others in their place; "group.name" is one within a group."""
+    found = dict(settings)
+    for name, value in others.items():
+        group, _, part = name.rpartition(".")
+        found |= {group: found.get(group, {}) | {part: value}} if group else {part: value}
+    return found
 
 
 def linear(start: float) -> Callable[[float], float]:

@@ -94,15 +94,20 @@ class Validation:
 class ValidationCallback(BaseCallback):
     """Validates a model of Stable-Baselines3 every so many of its calls.
 
-    every: calls, of one step of all environments each; export: makes a plain network of the model.
-    Keeps best_model.zip beside the best network.
+    every: calls, of one step of all environments each; export: makes a plain network of the model;
+    report: is told the steps and the mean return. Keeps best_model.zip beside the best network.
     """
 
     def __init__(
-        self, validation: Validation, every: int, export: Callable[[Any], Network]
+        self,
+        validation: Validation,
+        every: int,
+        export: Callable[[Any], Network],
+        report: Callable[[int, float], None] | None = None,
     ) -> None:
         super().__init__()
-        self._validation, self._every, self._export = validation, every, export
+        self._validation, self._every = validation, every
+        self._export, self._report = export, report
 
     def _on_step(self) -> bool:
         if self.n_calls % self._every:
@@ -110,8 +115,11 @@ class ValidationCallback(BaseCallback):
         network = checked_export(self.model, self._export)
         if self._validation.judge(network, self.num_timesteps):
             self.model.save(self._validation.folder / "best_model")
-        for name, value in self._validation.curve[-1].items():
+        row = self._validation.curve[-1]
+        for name, value in row.items():
             if name != STEPS:
                 self.logger.record(f"validation/{name}", value)
         self.logger.dump(self.num_timesteps)
+        if self._report is not None:
+            self._report(self.num_timesteps, row[RETURN])
         return True

@@ -13,7 +13,7 @@ demo: .venv/.studies
 demo-rl: .venv/.agents
 	$(BIN)/python -m agents.ppo --scene dam_break --steps 30000 --output runs/demo-rl
 	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 4 \
-		--grid 3 4 2 --networks ppo runs/demo-rl/ppo_dam_break/network.npz --output runs/demo-rl
+		--grid 3 4 2 --networks ppo runs/demo-rl/ppo_dam_break_seed0/network.npz --output runs/demo-rl
 
 # What a contributor needs: minutes. The solver runs as plain Python too, which tests each effect
 # by itself without compiling it.

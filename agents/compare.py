@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import sph_gym
-from agents import grid_search, plots, report
+from agents import plots, report, static_search
 from agents.arguments import BackendArgs, option, parse
 from agents.evaluate import (
     evaluate,
@@ -26,7 +26,7 @@ from agents.evaluate import (
     show_summary,
     summary_table,
 )
-from agents.policies import LEARNED, NAMES, Spec, build
+from agents.policies import LEARNED, NAMES, STATIC, Spec, build
 from agents.styles import style_of
 from sph_gym.controllers.network import shipped_network
 from sph_gym.env import env_id
@@ -47,7 +47,10 @@ class ComparisonArgs(BackendArgs):
     """Arguments of a comparison."""
 
     scene: str = option("scene of the environment", "dam_break")
-    agents: tuple[str, ...] = option("which agents", NAMES)
+    agents: tuple[str, ...] = option(
+        "which agents; besides these, random_search, tpe, cma_es and hindsight",
+        tuple(name for name in NAMES if name not in STATIC[1:]),
+    )
     instances: str = option(
         "nominal, train, val, test or ood; of ood, each shift gets a table of its own too", "test"
     )
@@ -76,8 +79,8 @@ def specs(args: ComparisonArgs) -> list[Spec]:
         known("agents", name, NAMES)
     chosen = []
     for name in args.agents:
-        if name == "grid_search":
-            chosen.append(grid_search.best(_search(args)))
+        if name in STATIC:
+            chosen.append(_search(args, name))
         elif name in LEARNED:
             network = Path(networks.get(name, shipped_network(name, args.scene)))
             if network.exists():
@@ -89,21 +92,27 @@ def specs(args: ComparisonArgs) -> list[Spec]:
     return chosen
 
 
-def _search(args: ComparisonArgs) -> pd.DataFrame:
+def _search(args: ComparisonArgs, name: str) -> Spec:
+    """Return a static agent: the best setting on train, or in hindsight that of each instance."""
     n_courant, n_sound, n_xsph = args.grid
-    return grid_search.search(
-        grid_search.GridSearchArgs(
-            scene=args.scene,
-            n_instances=args.n_search,
-            courant=_spread(0.5, 1.2, n_courant),
-            sound=_spread(0.2, 1.0, n_sound),
-            xsph=_spread(0.1, 0.7, n_xsph),
-            output=args.output,
-            backend=args.backend,
-            address=args.address,
-            workers=args.workers,
-        )
+    late = name == "hindsight"
+    search = static_search.StaticSearchArgs(
+        method="grid_search" if late else name,
+        scene=args.scene,
+        instances=args.instances if late else "train",
+        n_instances=args.n_instances if late else args.n_search,
+        per="instance" if late else "scene",
+        courant=_spread(0.5, 1.2, n_courant),
+        sound=_spread(0.2, 1.0, n_sound),
+        xsph=_spread(0.1, 0.7, n_xsph),
+        trials=n_courant * n_sound * n_xsph,
+        output=args.output,
+        backend=args.backend,
+        address=args.address,
+        workers=args.workers,
     )
+    found = static_search.best(static_search.search(search))
+    return Spec(name, table=str(search.table)) if late else Spec(name, found[args.scene])
 
 
 def _spread(low: float, high: float, count: int) -> tuple[float, ...]:

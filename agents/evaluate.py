@@ -171,12 +171,12 @@ def evaluate(
 def about(job: Job) -> dict[str, Any]:
     """Return the columns that identify an episode.
 
-    A network counts by its content: a new training writes it to the same path.
+    A file counts by its content: a new training writes its network to the same path.
     """
-    settings = str(job.spec.settings or "")
-    if job.spec.network is not None:
-        path = Path(job.spec.network)
-        settings = f"{path.name} {content_hash(path)}"
+    settings = str(tuple(job.spec.settings or ()) or "")
+    for file in (job.spec.network, job.spec.table):
+        if file is not None:
+            settings = f"{Path(file).name} {content_hash(Path(file))}"
     agent, instance, seed = job.spec.name, job.instance, job.seed
     return {"agent": agent, "settings": settings, "instance": instance, "seed": seed}
 

@@ -1,6 +1,8 @@
 """Every agent by name, as plain data that a worker process can turn into a policy."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -11,6 +13,7 @@ from sph_gym.controllers import (
     AdaptiveRule,
     ArticleCfl,
     Network,
+    PiController,
     Static,
     TunedCfl,
     nominal,
@@ -22,16 +25,27 @@ from sph_gym.env.policies import Policy, draw_at_random, follow
 from sph_gym.solver.checks import known
 
 
+class Settings(NamedTuple):
+    """A static setting: dt c / h, sound speed / nominal c0, XSPH epsilon."""
+
+    courant: float
+    sound: float
+    xsph: float
+
+
 class Spec(NamedTuple):
     """An agent as plain data.
 
-    name: one of AGENTS; settings: Courant multiple, sound speed / c0 and xsph of "grid_search";
-    network: file of a learned agent's exported network.
+    name: one of AGENTS; settings: of a static agent; network: file of a learned agent's exported
+    network; table: JSON file with settings by scene or by instance, which a static agent plays
+    instead: the best per scene, or the best per instance in hindsight, as `agents.static_search`
+    writes them.
     """
 
     name: str
     settings: tuple[float, float, float] | None = None
     network: str | None = None
+    table: str | None = None
 
 
 def play_network(network: Network) -> Policy:
@@ -59,9 +73,27 @@ def play_network(network: Network) -> Policy:
 
 
 def _play_static(spec: Spec) -> Policy:
-    if spec.settings is None:
-        raise ValueError("agent: grid_search needs its settings")
-    return follow(Static(*spec.settings))
+    if (spec.settings is None) == (spec.table is None):
+        raise ValueError(f"agent: {spec.name} needs its settings, or a table of settings")
+    if spec.table is not None:
+        return play_table(json.loads(Path(spec.table).read_text()))
+    return follow(Static(*Settings._make(spec.settings or ())))
+
+
+def play_table(table: Mapping[str, tuple[float, float, float]]) -> Policy:
+    """Return the policy that keeps the settings of the instance, or else of its scene.
+
+    It raises ValueError in an episode for which the table has neither.
+    """
+
+    def act(env: gym.Env[Any, Any], observation: NDArray[np.float32]) -> Any:
+        id_ = env.unwrapped.instance_id  # type: ignore[attr-defined]
+        settings = table.get(id_, table.get(id_.split("/")[0]))
+        if settings is None:
+            raise ValueError(f"table: expected settings of {id_} or its scene, got {list(table)}")
+        return follow(Static(*settings))(env, observation)
+
+    return act
 
 
 def _play_trained(spec: Spec) -> Policy:
@@ -70,7 +102,9 @@ def _play_trained(spec: Spec) -> Policy:
     return play_network(Network.load(spec.network))
 
 
-LEARNED = ("ppo", "sac", "dqn")
+LEARNED = ("ppo", "ppo_lagrangian", "ppo_warm", "imitation", "sac", "dqn")
+# Ways to find static settings, and the best ones of each instance in hindsight.
+STATIC = ("grid_search", "random_search", "tpe", "cma_es", "hindsight")
 # The one list of agents: what makes a policy of a spec and the seed of the episode.
 AGENTS: dict[str, Callable[[Spec, int], Policy]] = {
     "random": lambda spec, seed: draw_at_random(seed),
@@ -78,7 +112,8 @@ AGENTS: dict[str, Callable[[Spec, int], Policy]] = {
     "cfl": lambda spec, seed: follow(ArticleCfl()),
     "tuned_cfl": lambda spec, seed: follow(TunedCfl()),
     "adaptive": lambda spec, seed: follow(AdaptiveRule()),
-    "grid_search": lambda spec, seed: _play_static(spec),
+    "pi": lambda spec, seed: follow(PiController()),
+    **dict.fromkeys(STATIC, lambda spec, seed: _play_static(spec)),
     "lookahead": lambda spec, seed: Oracle(),
     **dict.fromkeys(LEARNED, lambda spec, seed: _play_trained(spec)),
 }

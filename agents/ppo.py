@@ -1,23 +1,30 @@
-"""Proximal policy optimisation: `python -m agents.ppo --scene dam_break --steps 250000`."""
+"""Proximal policy optimisation: `python -m agents.ppo --scene benchmark --steps 600000`."""
 
 from typing import Any
 
+import torch
 from stable_baselines3 import PPO
 
 from agents.arguments import parse
-from agents.training import Training, TrainingArgs, plain_network
+from agents.exports import plain_network
+from agents.training import Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
+
+
+def layers(model: PPO) -> list[torch.nn.Module]:
+    """Return the layers from the observation to the mean of the action."""
+    policy: Any = model.policy
+    return [*policy.mlp_extractor.policy_net, policy.action_net]
 
 
 def export(model: PPO) -> Network:
     """Return the mean of the policy as a plain network; actions are clipped to the box."""
-    policy: Any = model.policy
-    return plain_network([*policy.mlp_extractor.policy_net, policy.action_net], squash="clip")
+    return plain_network(layers(model), "clip", "absolute")
 
 
-def train(args: TrainingArgs) -> None:
+def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
-    training = Training("ppo", args, export)
+    training = Training("ppo", args, export, trial=trial)
     envs = training.make_envs()
     if args.resume:
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")

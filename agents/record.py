@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from agents.arguments import option, parse
 from agents.evaluate import instance_ids
-from agents.policies import LEARNED, Spec, build
+from agents.policies import LEARNED, NAMES, Spec, build
 from sph_gym.controllers.network import shipped_network
 from sph_gym.env import env_id
 from sph_gym.env.dataset import record
@@ -17,16 +17,16 @@ class RecordingArgs:
     dataset: str = option("name of the dataset: NAMESPACE/NAME-vNUMBER")
     scene: str = option("scene of the environment", "dam_break")
     agent: str = option(
-        "random, default, cfl, tuned_cfl, grid_search (with its settings), ppo, sac or dqn",
+        f"one of {', '.join(NAMES)}; static ones with --settings, learned ones with --network",
         "tuned_cfl",
     )
     episodes: int = option("how many, each on an instance of its own", 8)
     instances: str = option("nominal, train, val, test or ood", "train")
     settings: tuple[float, float, float] | None = option(
-        "of grid_search: Courant multiple, sound speed / c0, xsph", None
+        "of a static agent: Courant multiple, sound speed / c0, xsph", None
     )
     network: str | None = option(
-        "of ppo, sac and dqn: file of the exported network; None: the one that is shipped", None
+        "of a learned agent: file of the exported network; None: the one that is shipped", None
     )
     seed: int = option("of the first episode; the next ones count on", 0)
 

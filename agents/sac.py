@@ -5,19 +5,20 @@ from typing import Any
 from stable_baselines3 import SAC
 
 from agents.arguments import parse
-from agents.training import Training, TrainingArgs, plain_network
+from agents.exports import plain_network
+from agents.training import Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
 
 
 def export(model: SAC) -> Network:
     """Return the mean of the policy as a plain network; tanh brings actions into the box."""
     actor: Any = model.actor
-    return plain_network([*actor.latent_pi, actor.mu], squash="tanh")
+    return plain_network([*actor.latent_pi, actor.mu], "tanh", "absolute")
 
 
-def train(args: TrainingArgs) -> None:
+def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
-    training = Training("sac", args, export)
+    training = Training("sac", args, export, trial=trial)
     envs = training.make_envs()
     if args.resume:
         model = SAC.load(training.checkpoint(), env=envs, device="cpu")

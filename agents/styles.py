@@ -26,9 +26,17 @@ STYLES: dict[str, AgentStyle] = {
     "cfl": AgentStyle("CFL", "#E69F00", "s", (0, (5, 2))),
     "tuned_cfl": AgentStyle("tuned CFL", "#0072B2", "D", (0, (6, 1.5, 1, 1.5))),
     "adaptive": AgentStyle("adaptive", "#6A3D9A", "d", (0, (4, 1.5))),
+    "pi": AgentStyle("PI controller", "#17BECF", "<", (0, (2, 1, 2, 3))),
     "grid_search": AgentStyle("grid search", "#CC79A7", "^", (0, (3, 1.5))),
+    "random_search": AgentStyle("random search", "#E377C2", ">", (0, (3, 3))),
+    "tpe": AgentStyle("TPE", "#B07AA1", "p", (0, (3, 1, 1, 1))),
+    "cma_es": AgentStyle("CMA-ES", "#7F4F7A", "H", (0, (6, 3))),
+    "hindsight": AgentStyle("best static in hindsight", "#F781BF", "1", (0, (1, 1))),
     "lookahead": AgentStyle("look-ahead", "#8C8C00", "X", (0, (8, 2, 1, 2, 1, 2))),
     "ppo": AgentStyle("PPO", "#009E73", "v"),
+    "ppo_lagrangian": AgentStyle("Lagrangian PPO", "#1B4D3E", "2", (0, (5, 1))),
+    "ppo_warm": AgentStyle("PPO after imitation", "#66C2A5", "3", (0, (7, 1, 1, 1))),
+    "imitation": AgentStyle("imitation", "#4DAF4A", "4", (0, (2, 1))),
     "sac": AgentStyle("SAC", "#D55E00", "P"),
     "dqn": AgentStyle("DQN", "#A0522D", "h", (0, (4, 1, 1, 1))),
 }
@@ -41,12 +49,27 @@ SENTENCES = {
     "tuned_cfl": "softens the fluid as far as its present speed permits and steps close to the "
     "edge of stability, as a practitioner would; its work is the unit of work.",
     "adaptive": "is the tuned CFL rule with an XSPH epsilon that follows the measured noise.",
+    "pi": "is a PI controller: the sound speed keeps the density error at half its tolerance; the "
+    "time step and the XSPH epsilon are those of the tuned CFL rule.",
     "grid_search": "keeps one setting for the whole run, the best of a grid that was tried on "
     "training instances.",
+    "random_search": "keeps one setting for the whole run, the best of random ones that were tried "
+    "on training instances.",
+    "tpe": "keeps one setting for the whole run, found on training instances by a tree-structured "
+    "Parzen estimator.",
+    "cma_es": "keeps one setting for the whole run, found on training instances by the evolution "
+    "strategy CMA-ES.",
+    "hindsight": "keeps the setting that turned out best on this very instance; no agent can know "
+    "it beforehand.",
     "lookahead": "tries settings on snapshots of the episode and keeps the best; it sees the "
     "reference and the future, so it is a bound and no competitor.",
     "ppo": "a small neural network that looks at the flow in every frame, trained on training "
     "instances by proximal policy optimisation.",
+    "ppo_lagrangian": "PPO that also keeps the share of steps out of tolerance below a limit, by a "
+    "price on each of them.",
+    "ppo_warm": "PPO that began with the network of the imitation.",
+    "imitation": "a small neural network that has learned the actions of a teacher, the look-ahead "
+    "oracle unless said otherwise, for the states that it visits itself.",
     "sac": "a small neural network that looks at the flow in every frame, trained on training "
     "instances by the soft actor-critic method.",
     "dqn": "a small neural network that values 27 small changes of the settings in every frame, "

@@ -3,6 +3,7 @@
 import gymnasium as gym
 
 from sph_gym.env.distributions import FAMILIES
+from sph_gym.env.selection import GROUPS
 
 SCENES = tuple(FAMILIES)
 VERSION = "v1"
@@ -30,10 +31,9 @@ def scene_of(id_: str) -> str:
 
 
 def register_all() -> None:
-    """Register one id per scene, and sph_gym/Custom-v1 for a `scene=` of the user's own."""
+    """Register an id for every scene and group of scenes, and Custom-v1 for one of the user's."""
     entry_point = "sph_gym.env.tuning:TuningEnv"
     vector = "sph_gym.env.vector:TuningVectorEnv"
-    for scene in SCENES:
+    for scene in (*SCENES, *GROUPS):
         gym.register(env_id(scene), entry_point, vector_entry_point=vector, kwargs={"scene": scene})
-    gym.register(env_id("mixed"), entry_point, vector_entry_point=vector, kwargs={"scene": "mixed"})
     gym.register(f"sph_gym/Custom-{VERSION}", entry_point, vector_entry_point=vector)

@@ -13,7 +13,20 @@ from sph_gym.env.reference import n_frames
 from sph_gym.solver.checks import known, positive
 from sph_gym.solver.scene import Scene
 
-MIXED = "mixed"
+# Names that stand for several environments.
+GROUPS = {
+    "mixed": tuple(FAMILIES),
+    "benchmark": tuple(name for name in FAMILIES if name not in instances.DIAGNOSTIC),
+}
+
+
+def members(scene: Any) -> tuple[str, ...]:
+    """Return the environments that a name stands for: one, or those of a group.
+
+    Raises ValueError for unknown names.
+    """
+    found = known("scene", scene, (*FAMILIES, *GROUPS))
+    return GROUPS.get(found, (found,))
 
 
 def own_scene(scene: Any) -> Any:
@@ -25,7 +38,7 @@ def own_scene(scene: Any) -> Any:
 
 
 class Selection:
-    """The instances of one set, of one environment or of all; a list; or a user's own scene.
+    """The instances of one set, of one environment or of a group; a list; or a user's own scene.
 
     scene, dx, chosen: `scene`, `dx` and `instances` of `TuningEnv`. turn: place in the list that
     the next episode shows, counted on beyond its end. Raises ValueError that names the argument.
@@ -46,7 +59,7 @@ class Selection:
         if dx is not None:
             # a plain number, since ids spell it
             self._dx = dx = positive("dx", dx)
-        self._names = tuple(FAMILIES) if scene == MIXED else (known("scene", scene, FAMILIES),)
+        self._names = members(scene)
         if isinstance(chosen, str):
             if chosen.count("/") > 1:
                 raise ValueError(

@@ -37,8 +37,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     """An agent tunes the time step, the stiffness and the XSPH epsilon of a running SPH solver.
 
     ## Arguments
-    - `scene`: the name of a scene, "mixed" for any of them, or a `Scene` of your own, also as its
-      `Scene.to_dict()`
+    - `scene`: the name of a scene, "mixed" for any of them, "benchmark" for any that is no
+      diagnostic, or a `Scene` of your own, also as its `Scene.to_dict()`
     - `dx`: particle spacing [m], by default a coarse one
     - `instances`: "nominal" or a numbered set, "train", "val", "test" or "ood", from which every
       reset draws with the environment's own generator; or a list of ids, which resets show in

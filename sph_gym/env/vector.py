@@ -114,7 +114,7 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         infos: list[dict[str, Any] | None] = [None] * self.num_envs
         chosen = np.flatnonzero(mask).tolist()
         tasks = [partial(self._reset, k, seeds[k], options or None) for k in chosen]
-        for k, info in zip(chosen, self._side_by_side(tasks), strict=True):
+        for k, info in zip(chosen, side_by_side(tasks, self.threads), strict=True):
             infos[k] = info
         return np.stack(self.observations), _columns(infos)
 
@@ -181,7 +181,8 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         rules = self.envs[0].rules
         rewards: list[Any] = [rules.reward_of([0.0] * len(rules.weights))] * self.num_envs
         tasks: list[Callable[[], Any]] = [partial(self._step, k, given[k]) for k in playing]
-        results = self._side_by_side(tasks + [partial(self._reset, k) for k in resting])
+        tasks += [partial(self._reset, k) for k in resting]
+        results = side_by_side(tasks, self.threads)
         for k, result in zip(playing, results, strict=False):
             self.observations[k], rewards[k], terminated[k], truncated[k], infos[k] = result
         for k, info in zip(resting, results[len(playing) :], strict=True):
@@ -194,7 +195,7 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
             ended = np.flatnonzero(self._over).tolist()
             for k in ended:
                 finals[k] = self.observations[k], infos[k]
-            begun = self._side_by_side([partial(self._reset, k) for k in ended])
+            begun = side_by_side([partial(self._reset, k) for k in ended], self.threads)
             for k, info in zip(ended, begun, strict=True):
                 infos[k] = info
         return rewards, terminated, truncated, infos, finals
@@ -218,22 +219,6 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         env.begin_step(action)
         return env.end_step(env.sim.advance(env.episode.scene.frame))
 
-    def _side_by_side(self, tasks: Sequence[Callable[[], Any]]) -> list[Any]:
-        """Return the results of tasks; every thread takes the next one that is left."""
-        results: list[Any] = [None] * len(tasks)
-        left, team = iter(range(len(tasks))), teams.make_team()
-
-        def part(rank: int, n_threads: int) -> None:
-            for i in left:
-                if team[teams.STOP]:
-                    return
-                results[i] = tasks[i]()
-
-        most = teams.most_threads() if self.threads is None else self.threads
-        with teams.borrow(min(most, max(len(tasks), 1))) as n_threads:
-            teams.run(part, n_threads, team)
-        return results
-
     # --- everything else --------------------------------------------------------------------
 
     def render(self) -> tuple[NDArray[np.uint8] | None, ...]:  # type: ignore[override]
@@ -253,6 +238,26 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Return the attribute `name` of every environment."""
         return self.call(name)
+
+
+def side_by_side(tasks: Sequence[Callable[[], Any]], threads: int | None = None) -> list[Any]:
+    """Return the results of tasks; every thread takes the next one that is left.
+
+    threads: how many at most, by default the CPUs that the process may use.
+    """
+    results: list[Any] = [None] * len(tasks)
+    left, team = iter(range(len(tasks))), teams.make_team()
+
+    def part(rank: int, n_threads: int) -> None:
+        for i in left:
+            if team[teams.STOP]:
+                return
+            results[i] = tasks[i]()
+
+    most = teams.most_threads() if threads is None else threads
+    with teams.borrow(min(most, max(len(tasks), 1))) as n_threads:
+        teams.run(part, n_threads, team)
+    return results
 
 
 def _columns(infos: Sequence[dict[str, Any] | None]) -> dict[str, Any]:

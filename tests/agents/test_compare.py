@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from agents import compare, evaluate, grid_search, report
+from agents import compare, evaluate, report
 from agents.policies import NAMES, Spec, build, play_network
 from sph_gym.controllers.network import SHIPPED, shipped_network
 from sph_gym.env import actions, env_id, observations
@@ -37,7 +37,7 @@ def folder(tmp_path_factory):
 
 def test_the_folder_holds_all_that_is_promised(folder):
     names = {file.name for file in folder.iterdir()}
-    tables = {"table.csv", "table.md", "runs.csv", "grid_search_dam_break.csv"}
+    tables = {"table.csv", "table.md", "runs.csv", "grid_search_dam_break_train_per_scene.csv"}
     assert {"report.html", report.ANIMATION, "side_by_side.png", *report.PLOTS, *tables} <= names
 
 
@@ -150,11 +150,6 @@ def test_unknown_agents_and_instances_are_refused(tmp_path):
         evaluate.instance_ids("dam_break", "test", 33)
     with pytest.raises(ValueError, match="exam"):
         evaluate.instance_ids("dam_break", "exam", 1)
-
-
-def test_the_best_setting_comes_first():
-    table = pd.DataFrame({"courant": [0.5], "sound": [0.4], "xsph": [0.3], "return": [0.6]})
-    assert grid_search.best(table) == Spec("grid_search", (0.5, 0.4, 0.3))
 
 
 def test_intervals_hold_the_mean():

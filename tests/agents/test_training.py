@@ -6,11 +6,13 @@ import zipfile
 from importlib import import_module
 
 import gymnasium as gym
+import pandas as pd
 import pytest
 
 pytest.importorskip("stable_baselines3")
 
 from agents import training
+from agents.checkpoints import newest_checkpoint
 from agents.policies import Spec, build
 from sph_gym.env import env_id
 
@@ -40,7 +42,7 @@ def test_train_export_resume(tmp_path, small, algorithm):
         scene="relaxation", steps=64, n_envs=1, output=tmp_path, evaluate_every=64, n_evaluations=1
     )
     train(arguments)
-    path = tmp_path / f"{algorithm}_relaxation"
+    path = tmp_path / f"{algorithm}_relaxation_seed0"
     env = gym.make(env_id("relaxation"), dx=0.1)
     observation, _ = env.reset(seed=0)
     policy = build(Spec(algorithm, network=str(path / "network.npz")), seed=0)
@@ -50,11 +52,15 @@ def test_train_export_resume(tmp_path, small, algorithm):
         train(arguments)
     arguments.trust_checkpoints = True
     # killed while it wrote the newest
-    torn = training.newest_checkpoint(path).with_name(f"{algorithm}_999999_steps.zip")
+    torn = newest_checkpoint(path).with_name(f"{algorithm}_999999_steps.zip")
     torn.write_bytes(b"PK half of it")
     train(arguments)
-    assert training.newest_checkpoint(path).exists()
+    assert newest_checkpoint(path).exists()
     assert list((path / "tensorboard").rglob("events*"))
+    # one a run of 64 and of 32 steps, since the second goes on with the curve of the first
+    curve = pd.read_csv(path / "validation.csv")
+    assert curve["steps"].tolist() == [64]
+    assert curve["relaxation"].equals(curve["return"])
 
 
 def test_a_checkpoint_torn_within_one_of_its_archives_is_left_out(tmp_path):
@@ -74,12 +80,12 @@ def test_a_checkpoint_torn_within_one_of_its_archives_is_left_out(tmp_path):
     os.utime(whole, (0, 0))
     # its end is that of the inner one
     assert zipfile.is_zipfile(torn)
-    assert training.newest_checkpoint(tmp_path) == whole
+    assert newest_checkpoint(tmp_path) == whole
 
 
 def test_nothing_to_resume_is_said(tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing to resume"):
-        training.newest_checkpoint(tmp_path)
+        newest_checkpoint(tmp_path)
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "dqn"])

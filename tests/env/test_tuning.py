@@ -14,6 +14,7 @@ from sph_gym import scenes
 from sph_gym.env import SCENES, env_id, rewards, scene_of
 from sph_gym.env.episode import INFO
 from sph_gym.env.fingerprint import digest, fingerprint
+from sph_gym.env.instances import DIAGNOSTIC
 from sph_gym.studies import contract
 
 IDS = [env_id(scene) for scene in SCENES]
@@ -534,6 +535,15 @@ def test_mixed_draws_from_all_scenes():
     assert drawn == set(SCENES)
     _, info = made.reset(options={"instance": "patch_impact/val/1"})
     assert info["instance_id"] == "patch_impact/val/1"
+
+
+def test_benchmark_draws_from_all_scenes_that_are_no_diagnostics():
+    made = gym.make("sph_gym/Benchmark-v1", dx=0.06).unwrapped
+    rng = np.random.default_rng(0)
+    drawn = {made.selection.draw(rng, None)[0].split("/")[0] for _ in range(40)}
+    assert drawn == set(SCENES) - set(DIAGNOSTIC)
+    with pytest.raises(ValueError, match="scene of the instance: expected one of dam_break"):
+        made.reset(options={"instance": "relaxation/val/1"})
 
 
 def test_without_a_screen_the_environment_says_so_once_and_goes_on(monkeypatch):

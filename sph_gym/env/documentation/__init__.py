@@ -15,8 +15,7 @@ from sph_gym import scenes
 from sph_gym.env.distributions import FAMILIES
 from sph_gym.env.documentation import values
 from sph_gym.env.documentation.markdown import table
-from sph_gym.env.registration import SCENES
-from sph_gym.env.selection import MIXED
+from sph_gym.env.selection import GROUPS, members
 from sph_gym.solver.checks import known
 
 PREFIX = "sph_gym/"
@@ -51,7 +50,7 @@ class Subject(NamedTuple):
         """Description of the flow, in any number of paragraphs."""
         if self.scene is None:
             return "A `Scene` of your own, given as `scene=`."
-        if self.scene == MIXED:
+        if self.scene in GROUPS:
             return f"Every reset draws one of the scenes {', '.join(self.scenes)}."
         return scenes.description(FAMILIES[self.scene].scene)[0]
 
@@ -64,8 +63,7 @@ def ids() -> list[str]:
 def subject(id_: str) -> Subject:
     """Return the subject of the page of an id. Raises ValueError that lists the ids."""
     scene = gym.spec(known("id", id_, ids())).kwargs.get("scene")
-    shown = SCENES if scene == MIXED else () if scene is None else (scene,)
-    return Subject(id_, scene, tuple(shown))
+    return Subject(id_, scene, () if scene is None else members(scene))
 
 
 def page(id_: str) -> str:

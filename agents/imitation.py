@@ -1,0 +1,131 @@
+"""Imitation of a teacher, by default the oracle: `python -m agents.imitation --scene benchmark`.
+
+Behaviour cloning and DAgger. In the first round the teacher plays; a network learns its actions.
+In every further round the learner plays, the teacher answers for the states that it visits
+(`agents.lessons`), and a network learns from all answers so far. Lessons are kept on disk and not
+repeated. Sources: Ross et al. 2011, DAgger; Kelly et al. 2019, where the teacher takes over.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.nn.functional import smooth_l1_loss
+
+from agents import lessons
+from agents.arguments import BackendArgs, option, parse
+from agents.exports import plain_network
+from agents.lessons import TEACHERS, Lesson
+from agents.training import hyperparameters
+from agents.validation import RETURN, Validation, validation_ids
+from sph_gym.controllers import Network
+from sph_gym.env.instances import SIZES
+from sph_gym.env.selection import members
+from sph_gym.provenance import content_hash
+from sph_gym.solver.checks import known, whole
+from sph_gym.studies.jobs import run_jobs
+from sph_gym.studies.results import Results
+
+
+@dataclass
+class ImitationArgs(BackendArgs):
+    """Arguments of an imitation; hyperparams/imitation.yml has those of the network."""
+
+    scene: str = option('scene of the environment; "benchmark": all six at once', "dam_break")
+    teacher: str = option(f"one of {', '.join(TEACHERS)}", "coarse_oracle")
+    rounds: int = option("rounds; in the first one the teacher plays by itself", 4)
+    lessons: int = option("lessons of a round, on training instances of each scene", 12)
+    seed: int = option("seed of everything", 0)
+    output: Path = option("folder of lessons and networks; lessons are kept", Path("runs"))
+    n_evaluations: int = option("validation episodes on each scene, after every round", 4)
+
+    def __post_init__(self) -> None:
+        known("teacher", self.teacher, TEACHERS)
+        whole("rounds", self.rounds, at_least=1)
+        whole("lessons", self.lessons, at_least=1)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of everything that the imitation writes."""
+        return self.output / f"imitation_{self.scene}_seed{self.seed}"
+
+
+def train(args: ImitationArgs) -> None:
+    """Learn from the teacher, round by round; keep the network that is best in validation.
+
+    Ctrl-C ends it, and the next call goes on with the lessons that are there.
+    """
+    torch.set_num_threads(1)
+    ids = validation_ids(args.scene, args.n_evaluations)
+    validation = Validation(ids, args.folder)
+    answers, learner = [], None
+    for number in range(args.rounds):
+        answers += attend(args, number, learner)
+        observations, actions = (
+            np.concatenate([answer[kind] for answer in answers if answer[kind]])
+            for kind in ("observations", "actions")
+        )
+        network = fit(args, observations, actions)
+        validation.judge(network, len(observations))
+        learner = args.folder / f"round{number}.npz"
+        network.save(learner)
+        earned = validation.curve[-1][RETURN]
+        print(f"round {number}: {len(observations)} answers, mean return {earned:.3f}")
+    print(f"policy: {validation.network}")
+
+
+def attend(args: ImitationArgs, number: int, learner: Path | None) -> list[dict[str, Any]]:
+    """Return the lessons of a round; those that are kept are not played again."""
+    count, size = args.lessons, SIZES["train"]
+    path = None if learner is None else str(learner)
+    # every round has other instances, until all have been played
+    first = (args.seed * args.rounds + number) * count
+    jobs = [
+        Lesson(args.teacher, path, f"{name}/train/{k % size}", args.seed + k)
+        for name in members(args.scene)
+        for k in range(first, first + count)
+    ]
+    # a network counts by its content
+    weights = None if learner is None else content_hash(learner)
+    code = content_hash(Path(lessons.__file__))
+    keys = [[*job._replace(learner=weights), code] for job in jobs]
+    store = Results(args.output / "lessons")
+    return run_jobs(lessons.take, jobs, keys, store, f"lessons, round {number}", args.where())
+
+
+def fit(args: ImitationArgs, observations: Any, actions: Any) -> Network:
+    """Return a new network that has learned the actions for the observations.
+
+    The loss grows linearly for answers far off, since equally good actions may be far apart.
+    """
+    settings = hyperparameters("imitation", args.scene)
+    torch.manual_seed(args.seed)
+    inputs, wanted = (torch.as_tensor(x, dtype=torch.float32) for x in (observations, actions))
+    module = perceptron(inputs.shape[1], settings["net_arch"], wanted.shape[1])
+    steps = settings["gradient_steps"]
+    descent = torch.optim.Adam(module.parameters(), settings["learning_rate"])
+    decay = torch.optim.lr_scheduler.LinearLR(descent, 1.0, 0.01, total_iters=steps)
+    for _ in range(steps):
+        batch = torch.randint(len(inputs), (settings["batch_size"],))
+        loss = smooth_l1_loss(module(inputs[batch]), wanted[batch], beta=settings["beta"])
+        descent.zero_grad()
+        loss.backward()
+        descent.step()
+        decay.step()
+    return plain_network(module, "clip", "absolute")
+
+
+def perceptron(n_in: int, widths: Sequence[int], n_out: int) -> torch.nn.Sequential:
+    """Return a perceptron with tanh units, as PPO has, so that it can go on with it."""
+    sizes, layers = [n_in, *widths], list[torch.nn.Module]()
+    for before, after in itertools.pairwise(sizes):
+        layers += [torch.nn.Linear(before, after), torch.nn.Tanh()]
+    return torch.nn.Sequential(*layers, torch.nn.Linear(sizes[-1], n_out))
+
+
+if __name__ == "__main__":
+    train(parse(ImitationArgs, __doc__))

@@ -1,0 +1,83 @@
+"""PPO that goes on with an exported network, such as one by imitation.
+
+`python -m agents.ppo_warm --start runs/imitation_benchmark_seed0/network.npz --scene benchmark`
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+
+from agents.arguments import option, parse
+from agents.ppo import export, layers
+from agents.training import Training, TrainingArgs
+from sph_gym.controllers import Network
+
+
+@dataclass(kw_only=True)
+class WarmArgs(TrainingArgs):
+    """Arguments of a training that goes on with a network."""
+
+    start: str = option("exported network to begin with")
+    held: int = option("steps during which it stays as it is, while its value is learned", 20_000)
+
+
+def begin_with(model: PPO, network: Network) -> None:
+    """Give the mean of the policy the weights of a network.
+
+    Raises ValueError unless it was trained with the same layouts, layers, units and squashing.
+    """
+    own = export(model)
+    network.check(own.observation, own.action)
+    shapes = [[weight.shape for weight in each.weights] for each in (network, own)]
+    kinds = [(each.activation, each.squash) for each in (network, own)]
+    if shapes[0] != shapes[1] or kinds[0] != kinds[1]:
+        raise ValueError(
+            f"start: expected a network with layers {shapes[1]} and {kinds[1]}, "
+            f"got {shapes[0]} and {kinds[0]}"
+        )
+    linears = [layer for layer in layers(model) if isinstance(layer, torch.nn.Linear)]
+    with torch.no_grad():
+        for layer, weight, bias in zip(linears, network.weights, network.biases, strict=True):
+            layer.weight.copy_(torch.from_numpy(weight))
+            layer.bias.copy_(torch.from_numpy(bias))
+
+
+class Hold(BaseCallback):
+    """Keeps the policy as it is for so many steps.
+
+    The value of a policy that comes from elsewhere is unknown: its first gradients would spoil it.
+    """
+
+    def __init__(self, steps: int) -> None:
+        super().__init__()
+        self._steps = steps
+
+    def _on_rollout_start(self) -> None:
+        model: Any = self.model
+        free = self.num_timesteps >= self._steps
+        for layer in layers(model):
+            layer.requires_grad_(free)
+        model.policy.log_std.requires_grad_(free)
+
+    def _on_step(self) -> bool:
+        return True
+
+
+def train(args: WarmArgs) -> None:
+    """Train on the training instances; keep the model that is best on the validation instances."""
+    training = Training("ppo_warm", args, export)
+    envs = training.make_envs()
+    if args.resume:
+        model = PPO.load(training.checkpoint(), env=envs, device="cpu")
+    else:
+        model = PPO("MlpPolicy", envs, **training.settings())
+        begin_with(model, Network.load(args.start))
+    training.learn(model, [Hold(args.held)])
+    envs.close()
+
+
+if __name__ == "__main__":
+    train(parse(WarmArgs, __doc__))

@@ -1,0 +1,173 @@
+"""Hyperparameters of an algorithm by Optuna: `python -m agents.tune --algorithm ppo`.
+
+The study is a journal in the output folder, to which every training adds as it ends: a study that
+was interrupted goes on, and several processes can work on one at the same time. Trainings that do
+worse than the median at the same step are ended early. The best settings are printed as an entry
+for hyperparams/ALGORITHM.yml.
+"""
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import optuna
+import yaml
+from optuna.distributions import (
+    BaseDistribution,
+    CategoricalDistribution,
+    FloatDistribution,
+    IntDistribution,
+)
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend
+from optuna.trial import TrialState
+
+from agents.arguments import option, parse
+from agents.training import FOLDER, TrainingArgs, Trial, hyperparameters, replaced
+from sph_gym.env import env_id
+from sph_gym.files import atomic_write
+from sph_gym.solver.checks import known, whole
+from sph_gym.studies.jobs import INTERRUPTED
+
+# Validations before which no training is ended early, and trainings before the first that may be.
+WARM_UP, FIRST = 2, 4
+ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
+
+
+@dataclass
+class TuneArgs:
+    """Arguments of a search for hyperparameters."""
+
+    algorithm: str = option("ppo, ppo_lagrangian, sac or dqn", "ppo")
+    scene: str = option('scene of the environment; "benchmark": all six at once', "dam_break")
+    trials: int = option("trainings that the study has when it is over", 30)
+    steps: int = option("environment steps of a training", 60_000)
+    n_envs: int = option("environments, side by side on threads", 2)
+    evaluate_every: int = option("steps between two validations", 10_000)
+    n_evaluations: int = option("validation episodes on each scene", 4)
+    seed: int = option("of the sampler; another one for every process on one study", 0)
+    output: Path = option("folder of the study", Path("runs"))
+
+    def __post_init__(self) -> None:
+        known("algorithm", self.algorithm, spaces())
+        whole("trials", self.trials, at_least=1)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the study and its trainings."""
+        return self.output / f"tune_{self.algorithm}_{self.scene}"
+
+
+def spaces() -> dict[str, Any]:
+    """Return what is tried, by algorithm."""
+    return yaml.safe_load((FOLDER / "hyperparams" / "spaces.yml").read_text())
+
+
+def distribution(choice: dict[str, Any]) -> BaseDistribution:
+    """Return the distribution of a hyperparameter, as hyperparams/spaces.yml describes it."""
+    if "choices" in choice:
+        return CategoricalDistribution(choice["choices"])
+    whole_numbers = isinstance(choice["low"], int) and isinstance(choice["high"], int)
+    return (IntDistribution if whole_numbers else FloatDistribution)(**choice)
+
+
+def open_study(args: TuneArgs) -> optuna.Study:
+    """Return the study of the output folder; a new one begins with the present settings."""
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    args.folder.mkdir(parents=True, exist_ok=True)
+    study = optuna.create_study(
+        storage=JournalStorage(JournalFileBackend(str(args.folder / "study.log"))),
+        study_name=args.folder.name,
+        direction="maximize",
+        pruner=optuna.pruners.MedianPruner(FIRST, n_warmup_steps=WARM_UP * args.evaluate_every),
+        load_if_exists=True,
+    )
+    # a study that goes on draws other settings than it began with
+    seed = args.seed + len(study.trials)
+    study.sampler = optuna.samplers.TPESampler(seed=seed, constant_liar=True)
+    if not study.trials:
+        study.enqueue_trial(present(args))
+    return study
+
+
+def present(args: TuneArgs) -> dict[str, Any]:
+    """Return the values that the YAML file has of what is tried."""
+    found, kept = hyperparameters(args.algorithm, args.scene), {}
+    for name in spaces()[args.algorithm]:
+        group, _, part = name.rpartition(".")
+        values = found.get(group, {}) if group else found
+        if part in values:
+            kept[name] = values[part]
+    return kept
+
+
+def run_trial(args: TuneArgs, trial: optuna.Trial) -> float:
+    """Train with the settings of a trial; return the best validation.
+
+    Raises TrialPruned as soon as the training turns out worse than others.
+    """
+    returns: list[float] = []
+
+    def report(steps: int, value: float) -> None:
+        returns.append(value)
+        trial.report(value, steps)
+        if trial.should_prune():
+            raise optuna.TrialPruned
+
+    training = TrainingArgs(
+        scene=args.scene,
+        steps=args.steps,
+        n_envs=args.n_envs,
+        seed=trial.number,
+        output=args.folder / "trainings",
+        evaluate_every=args.evaluate_every,
+        n_evaluations=args.n_evaluations,
+    )
+    import_module(f"agents.{args.algorithm}").train(training, Trial(trial.params, report))
+    return max(returns)
+
+
+def tune(args: TuneArgs) -> optuna.Study:
+    """Run the trainings that the study lacks, and return it."""
+    study = open_study(args)
+    space = {name: distribution(each) for name, each in spaces()[args.algorithm].items()}
+    while sum(trial.state in ENDED for trial in study.trials) < args.trials:
+        trial = study.ask(space)
+        try:
+            value = run_trial(args, trial)
+        except optuna.TrialPruned:
+            study.tell(trial, state=TrialState.PRUNED)
+        except BaseException:
+            # it doesn't count, Ctrl-C above all
+            study.tell(trial, state=TrialState.FAIL)
+            raise
+        else:
+            study.tell(trial, value)
+            print(f"training {trial.number}: {value:.3f}, the best so far {study.best_value:.3f}")
+    return study
+
+
+def entry(args: TuneArgs, study: optuna.Study) -> str:
+    """Return the best settings as an entry of hyperparams/ALGORITHM.yml."""
+    found = replaced(hyperparameters(args.algorithm, args.scene), study.best_params)
+    return yaml.safe_dump({env_id(args.scene): found}, sort_keys=False)
+
+
+def main(args: TuneArgs) -> None:
+    """Search, and print the best settings; Ctrl-C loses only the training in hand."""
+    try:
+        study = tune(args)
+    except KeyboardInterrupt:
+        print(f"interrupted: the same command goes on with the study in {args.folder}")
+        raise SystemExit(INTERRUPTED) from None
+    best = args.folder / "best.yml"
+    with atomic_write(best) as draft:
+        draft.write_text(entry(args, study))
+    print(
+        f"{best.read_text()}best of {len(study.trials)} trainings: {study.best_value:.3f}; {best}"
+    )
+
+
+if __name__ == "__main__":
+    main(parse(TuneArgs, __doc__))

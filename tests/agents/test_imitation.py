@@ -1,0 +1,119 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from agents import imitation, lessons
+from agents.imitation import ImitationArgs
+from agents.policies import Spec, build
+from sph_gym.controllers import TunedCfl
+from sph_gym.env.tuning import TuningEnv
+
+INSTANCE = "relaxation/train/0"
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    """Plays lessons in this process; returns those that were played."""
+    played = []
+
+    def run_jobs(function, jobs, keys, results, title, backend):
+        done = []
+        for job, key in zip(jobs, keys, strict=True):
+            kept = results.load(key)
+            if kept is None:
+                played.append(job)
+                kept = results.save(key, function(*job))
+            done.append(kept)
+        return done
+
+    monkeypatch.setattr(imitation, "run_jobs", run_jobs)
+    settings = {"net_arch": [8], "learning_rate": 1e-2, "batch_size": 64, "gradient_steps": 200}
+    monkeypatch.setattr(imitation, "hyperparameters", lambda *_: settings | {"beta": 0.2})
+    return played
+
+
+def test_a_rule_answers_for_every_state_that_it_visits():
+    lesson = lessons.take("tuned_cfl", None, INSTANCE, 0)
+    env = TuningEnv("relaxation")
+    observation, _ = env.reset(options={"instance": INSTANCE})
+    earned = 0.0
+    for seen, answer in zip(lesson["observations"], lesson["actions"], strict=True):
+        expected = env.action_toward(TunedCfl()(env.sim))
+        assert answer == pytest.approx(expected, abs=1e-5)
+        assert seen == pytest.approx(observation, abs=1e-5)
+        observation, reward, *_ = env.step(expected)
+        earned += reward
+    assert env.episode.over
+    assert lesson["return"] == pytest.approx(earned / env.n_steps)
+
+
+def test_a_dear_teacher_takes_over_and_answers_from_there_on(tmp_path, monkeypatch):
+    asked = []
+
+    class Planner:
+        def __call__(self, env, observation):
+            asked.append(env.unwrapped.episode.step)
+            return np.array([0.5, 0.0, 0.0], np.float32)
+
+    teacher = lessons.Teacher(Planner, dear=True)
+    monkeypatch.setitem(lessons.TEACHERS, "planner", teacher)
+    alone = lessons.take("planner", None, INSTANCE, 3)
+    n_steps = len(alone["actions"])
+    assert asked == list(range(n_steps))
+    asked.clear()
+    path = tmp_path / "learner.npz"
+    quick = {"net_arch": [4], "learning_rate": 1e-2, "batch_size": 8, "gradient_steps": 1}
+    monkeypatch.setattr(imitation, "hyperparameters", lambda *_: quick | {"beta": 0.2})
+    imitation.fit(ImitationArgs(), alone["observations"], alone["actions"]).save(path)
+    lesson = lessons.take("planner", str(path), INSTANCE, 3)
+    assert 0 < asked[0] < n_steps
+    assert asked == list(range(asked[0], n_steps))
+    assert len(lesson["observations"]) == len(asked)
+
+
+def test_a_network_learns_the_answers(at_once):
+    rng = np.random.default_rng(0)
+    inputs = rng.uniform(-1, 1, (400, 5))
+    answers = 0.5 * np.tanh(inputs[:, :3] + inputs[:, 2:])
+    network = imitation.fit(ImitationArgs(), inputs, answers)
+    found = np.array([network(row) for row in inputs])
+    assert np.abs(found - answers).mean() < 0.1 < np.abs(answers).mean()
+    again = imitation.fit(ImitationArgs(), inputs, answers)
+    assert all(map(np.array_equal, network.weights, again.weights))
+
+
+def test_it_learns_in_rounds_and_takes_no_lesson_twice(tmp_path, at_once):
+    args = ImitationArgs(
+        scene="relaxation", teacher="tuned_cfl", rounds=2, lessons=1, n_evaluations=1,
+        output=tmp_path,
+    )  # fmt: skip
+    imitation.train(args)
+    assert [job.instance for job in at_once] == ["relaxation/train/0", "relaxation/train/1"]
+    assert at_once[0].learner is None
+    assert at_once[1].learner.endswith("round0.npz")
+    env = gym.make("sph_gym/Relaxation-v1")
+    observation, _ = env.reset(seed=0)
+    network = args.folder / "network.npz"
+    action = build(Spec("imitation", network=str(network)), 0)(env, observation)
+    assert env.action_space.contains(action)
+    content = network.read_bytes()
+    at_once.clear()
+    imitation.train(args)
+    assert not at_once
+    assert network.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"teacher": "nobody"}, "teacher: expected one of oracle"),
+        ({"rounds": 0}, "rounds: expected"),
+        ({"lessons": 0}, "lessons: expected"),
+    ],
+    ids=str,
+)
+def test_wrong_arguments_are_refused(given, text):
+    with pytest.raises(ValueError, match=text):
+        ImitationArgs(**given)

@@ -1,0 +1,69 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+import torch
+from stable_baselines3 import PPO
+
+from agents.exports import plain_network
+from agents.imitation import perceptron
+from agents.ppo import export
+from agents.ppo_warm import Hold, begin_with
+from sph_gym.env.stable_baselines import TuningVecEnv
+
+
+@pytest.fixture(scope="module")
+def envs():
+    return TuningVecEnv(1, scene="dam_break", dx=0.08, max_episode_steps=8)
+
+
+def model(envs):
+    return PPO(
+        "MlpPolicy", envs, n_steps=16, batch_size=16, n_epochs=2, seed=0, device="cpu",
+        policy_kwargs={"net_arch": [8, 8]},
+    )  # fmt: skip
+
+
+def network(envs, *widths):
+    torch.manual_seed(1)
+    return plain_network(perceptron(envs.observation_space.shape[0], widths, 3), "clip", "absolute")
+
+
+def test_the_policy_begins_as_the_network(envs):
+    learner, start = model(envs), network(envs, 8, 8)
+    begin_with(learner, start)
+    observation = envs.observation_space.sample()
+    assert np.allclose(learner.predict(observation, deterministic=True)[0], start(observation))
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"activation": "relu"}, "start: expected a network with layers .*got"),
+        ({"squash": "tanh"}, "start: expected a network with layers .*got"),
+        ({"observation": "features v1"}, "trained with observations 'features v1'"),
+    ],
+    ids=str,
+)
+def test_another_kind_of_network_is_refused(envs, change, text):
+    with pytest.raises(ValueError, match=text):
+        begin_with(model(envs), replace(network(envs, 8, 8), **change))
+
+
+def test_another_size_is_refused(envs):
+    with pytest.raises(ValueError, match="start: expected a network with layers"):
+        begin_with(model(envs), network(envs, 8, 9))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_the_policy_is_held_while_its_value_is_learned(envs):
+    learner = model(envs)
+    before, values = export(learner).weights, learner.policy.value_net.weight.detach().clone()
+    learner.learn(16, callback=Hold(17))
+    for one, other in zip(before, export(learner).weights, strict=True):
+        assert np.array_equal(one, other)
+    assert not torch.equal(values, learner.policy.value_net.weight)
+    learner.learn(32, callback=Hold(17), reset_num_timesteps=False)
+    assert not np.array_equal(before[0], export(learner).weights[0])

@@ -1,0 +1,81 @@
+"""The search for hyperparameters, with made-up trainings."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+import yaml
+
+pytest.importorskip("optuna")
+pytest.importorskip("stable_baselines3")
+
+from agents import tune
+from agents.tune import TuneArgs
+
+
+@pytest.fixture
+def trainings(monkeypatch):
+    """Trainings do well at a rate of 3e-4; returns those that ran, and where each was ended."""
+    ran = []
+
+    def train(args, trial):
+        rate = trial.settings["learning_rate"]
+        ran.append(SimpleNamespace(args=args, settings=trial.settings, ended=0))
+        for step in range(1, 6):
+            ran[-1].ended = step
+            trial.report(step * args.evaluate_every, -abs(math.log(rate / 3e-4)))
+
+    monkeypatch.setattr(tune, "import_module", lambda name: SimpleNamespace(train=train))
+    return ran
+
+
+def test_it_begins_with_the_present_settings_and_finds_better_ones(tmp_path, trainings):
+    args = TuneArgs(trials=15, output=tmp_path)
+    tune.main(args)
+    assert len(trainings) == 15
+    present = tune.hyperparameters("ppo", "dam_break")
+    assert trainings[0].settings["learning_rate"] == present["learning_rate"] == 7e-4
+    assert trainings[0].settings["policy_kwargs.log_std_init"] == -0.7
+    assert min(each.ended for each in trainings) < 5 == trainings[0].ended
+    best = yaml.safe_load((args.folder / "best.yml").read_text())["sph_gym/DamBreak-v1"]
+    assert 1.5e-4 < best["learning_rate"] < 6e-4
+    assert best["policy_kwargs"]["net_arch"] == present["policy_kwargs"]["net_arch"]
+    assert best.keys() == present.keys()
+
+
+def test_a_study_goes_on(tmp_path, trainings):
+    tune.tune(TuneArgs(trials=2, output=tmp_path))
+    study = tune.tune(TuneArgs(trials=5, output=tmp_path))
+    assert len(trainings) == 5
+    assert len(study.trials) == 5
+    tune.tune(TuneArgs(trials=5, output=tmp_path))
+    assert len(trainings) == 5
+    assert len({each.args.seed for each in trainings}) == 5
+
+
+def test_an_interrupted_training_does_not_count(tmp_path, trainings, monkeypatch, capsys):
+    def interrupt(args, trial):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tune, "import_module", lambda name: SimpleNamespace(train=interrupt))
+        with pytest.raises(SystemExit):
+            tune.main(TuneArgs(trials=2, output=tmp_path))
+    assert "goes on with the study" in capsys.readouterr().out
+    tune.main(TuneArgs(trials=2, output=tmp_path))
+    assert len(trainings) == 2
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "sac", "dqn"])
+def test_present_settings_are_within_what_is_tried(tmp_path, algorithm):
+    args = TuneArgs(algorithm, scene="benchmark", output=tmp_path)
+    space = {k: tune.distribution(each) for k, each in tune.spaces()[algorithm].items()}
+    # Optuna warns of values outside, and a warning is an error here
+    trial = tune.open_study(args).ask(space)
+    assert trial.params == pytest.approx(tune.present(args))
+    assert trial.params.keys() == space.keys()
+
+
+def test_unknown_algorithms_are_refused():
+    with pytest.raises(ValueError, match="algorithm: expected one of ppo, ppo_lagrangian"):
+        TuneArgs("magic")

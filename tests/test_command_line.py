@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, studies
-from sph_gym.__main__ import PIPE_CLOSED, STUDIES, main
+from sph_gym.__main__ import main
+from sph_gym.command_line import PIPE_CLOSED
+from sph_gym.command_line.study import STUDIES
 from sph_gym.scenes import droplet
 from sph_gym.solver.warnings import Warning
 

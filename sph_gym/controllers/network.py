@@ -42,8 +42,13 @@ class Network:
     action: str = ""
 
     def __call__(self, observation: Floats) -> Floats:
-        """Return the action (3,) for an observation (n,), or the values of discrete ones."""
+        """Return the action (3,) for an observation (n,), or the values of discrete ones.
+
+        Raises ValueError for an observation of another shape.
+        """
         x = np.asarray(observation, dtype=np.float32)
+        if x.shape != (n := self.weights[0].shape[1],):
+            raise ValueError(f"observation: expected shape ({n},), got {x.shape}")
         for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             x = weight @ x + bias
             if k + 1 < len(self.weights):

@@ -143,7 +143,7 @@ def test_recommendations_need_no_extra():
     """Neither the import nor the commands use what comes with the extra "studies"."""
     code = """
 import sys
-for name in ("h5py", "jinja2", "matplotlib", "pandas", "pyarrow", "rich", "scipy", "tqdm", "tyro"):
+for name in ("h5py", "jinja2", "matplotlib", "pandas", "pyarrow", "rich", "scipy", "tyro"):
     sys.modules[name] = None
 from sph_gym.__main__ import main
 assert main(["recommend", "elliptical_drop"]) == 0

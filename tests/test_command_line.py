@@ -239,8 +239,8 @@ def test_json_tells_what_broke(tmp_path):
 def test_a_diagnosis_is_printed_as_json(capsys):
     assert main(["doctor", "--fault", "attracts", "--json", "-"]) == FAILED
     printed = capsys.readouterr()
-    assert json.loads(printed.out)["link"] == "pressure"
-    assert "pressure" in printed.err
+    assert json.loads(printed.out)["link"] == "force"
+    assert "force" in printed.err
 
 
 def steered(capsys, *words):
@@ -305,7 +305,8 @@ def agents(folder, *words):
 
 def test_programs_of_a_clone_are_commands(tmp_path):
     (tmp_path / "agents").mkdir()
-    (tmp_path / "agents" / "compare.py").write_text("NOTHING = 0\n")
+    for name in ("__init__.py", "compare.py"):
+        (tmp_path / "agents" / name).touch()
     (tmp_path / "agents" / "hello.py").write_text(PROGRAM)
     assert agents(tmp_path).stdout == "hello  Greet somebody\n"
     done = agents(tmp_path, "hello", "--loud", "you")

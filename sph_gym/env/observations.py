@@ -66,6 +66,7 @@ FEATURES = (
     Feature("mach", 0, 1, "s(10 v_max / c)"),
     Feature("max_speed", 0, 1, "s(v_max / U)"),
     Feature("mean_speed", 0, 1, "s(4 v_rms / U)"),
+    Feature("flow_speed", 0, 1, "s(99th percentile of the speed without velocity noise / U)"),
     Feature("force_limit", 0, 1, "s(force limit of dt / CFL limit of dt)"),
     Feature("compression", 0, 1, "s(mean of max(rho/rho0 - 1, 0) / 1 %)"),
     Feature("compression_p99", 0, 1, "s(99th percentile of the same / 4 %)"),
@@ -109,6 +110,7 @@ def _entries(moment: Moment) -> list[float]:
         _squash(10 * now["mach"]),
         _squash(now["max_speed"] / speed),
         _squash(4 * math.sqrt(now["speed2"]) / speed),
+        _squash(now["flow_speed"] / speed),
         _squash(force_limit * sim.sound_speed / (COURANT * scene.h)),
         _squash(100 * now["density_error"]),
         _squash(25 * now["density_error_p99"]),
@@ -171,7 +173,7 @@ class Features:
         return (*FEATURES, *more, *(CONTEXT if self._context else ()))
 
     def space(self) -> spaces.Box:
-        """Return Box((22,), float32), with one entry more for `rollback`, four for `context`."""
+        """Return Box((23,), float32), with one entry more for `rollback`, four for `context`."""
         return spaces.Box(self._low, self._high, dtype=np.float32)
 
     def observe(self, moment: Moment) -> NDArray[Any]:

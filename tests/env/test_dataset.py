@@ -163,11 +163,11 @@ def small(tmp_path, monkeypatch):
     return kept
 
 
-COMMAND = ["dataset", "--scenes", "relaxation", "--instances", "val", "--episodes", "2"]
+COMMAND = ["dataset", "--scenes", "patch_impact", "--instances", "val", "--episodes", "2"]
 
 
 def ids(*policies):
-    return [f"sph_gym/relaxation/{policy}-v1" for policy in policies]
+    return [f"sph_gym/patch_impact/{policy}-v1" for policy in policies]
 
 
 def test_one_command_records_the_rule_the_oracle_and_random(small, capsys):
@@ -180,7 +180,7 @@ def test_one_command_records_the_rule_the_oracle_and_random(small, capsys):
     for id_ in usual:
         data = minari.load_dataset(id_)
         about = list(data.storage.get_episode_metadata([0, 1]))
-        assert [one["instance_id"] for one in about] == ["relaxation/val/0", "relaxation/val/1"]
+        assert [one["instance_id"] for one in about] == ["patch_impact/val/0", "patch_impact/val/1"]
         returns[id_] = sum(one["rewards_sum"] for one in about)
         assert data.storage.metadata["manifest_version"] == manifest.VERSION
         assert data.storage.metadata["algorithm_name"] in id_
@@ -225,8 +225,8 @@ def test_finished_episodes_survive_ctrl_c(small, monkeypatch, capsys):
     # what was kept is what would have been played
     (id_,) = ids("random")
     first = minari.load_dataset(id_)[0]
-    env = gym.make("sph_gym/Relaxation-v1")
-    again = play(env, draw_at_random(0), 0, "relaxation/val/0")
+    env = gym.make("sph_gym/PatchImpact-v1")
+    again = play(env, draw_at_random(0), 0, "patch_impact/val/0")
     assert np.array_equal(first.observations, again.observations)
     assert np.array_equal(first.actions, again.actions)
     assert first.rewards.tolist() == again.rewards
@@ -238,11 +238,11 @@ def test_finished_episodes_survive_ctrl_c(small, monkeypatch, capsys):
 
 @pytest.mark.filterwarnings("ignore:.*is damaged, its episode is played again")
 def test_a_damaged_episode_is_played_again(small):
-    plan = build_datasets.Plan("relaxation", "random", "val", 1)
+    plan = build_datasets.Plan("patch_impact", "random", "val", 1)
     path = build_datasets._kept(plan, 0)
     path.parent.mkdir(parents=True)
     path.write_bytes(b"PK torn")
-    assert list(build_datasets.collect(["relaxation"], ["random"], 1, "val")) == [plan.id]
+    assert list(build_datasets.collect(["patch_impact"], ["random"], 1, "val")) == [plan.id]
     assert minari.load_dataset(plan.id).total_episodes == 1
 
 

@@ -66,10 +66,10 @@ def test_an_environment_tells_of_the_present_episode():
     env = gym.make("sph_gym/Mixed-v1", dx=0.08).unwrapped
     with pytest.raises(gym.error.ResetNeeded):
         _ = env.instance
-    _, info = env.reset(seed=0, options={"instance": "relaxation/ood/3"})
-    assert env.instance == identity("relaxation/ood/3")
+    _, info = env.reset(seed=0, options={"instance": "drop_impact/ood/0"})
+    assert env.instance == identity("drop_impact/ood/0")
     assert env.instance.id == info["instance_id"]
-    assert json.loads(json.dumps(env.instance._asdict()))["shift"] == "viscosity"
+    assert json.loads(json.dumps(env.instance._asdict()))["shift"] == "resolution"
     envs = TuningVectorEnv(2, scene="drop_impact", dx=0.08, instances="train")
     envs.reset(seed=0)
     assert [each.id for each in envs.get_attr("instance")] == list(envs.get_attr("instance_id"))

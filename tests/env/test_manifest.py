@@ -89,8 +89,15 @@ ROUNDING = {name: 0.501 / (2**bits - 1) for name, bits in manifest.BITS.items()}
 ENERGY, PLACE, SUBSTEPS = 1e-4, 1e-4, 0.1  # shares of the largest energy, of dx, of the work
 
 
+# the diagnostic flows differ from their nominal ones in effects: two more compiled versions each
+PLAYED = [
+    pytest.param(scene, marks=[pytest.mark.slow] if scene in instances.DIAGNOSTIC else [])
+    for scene in SCENES
+]
+
+
 @pytest.mark.parametrize("which", [0, 1], ids=["calm", "violent"])
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", PLAYED)
 def test_shipped_references_are_what_their_flows_do(scene, which):
     id_ = calm_and_violent(scene)[which]
     built = instances.parse(id_).build()
@@ -122,10 +129,10 @@ def test_the_sources_of_references_are_told():
 
 def test_preparing_writes_what_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr(build_manifests, "SIZES", {"nominal": 1, "val": 2})
-    build_manifests.prepare(["relaxation"], tmp_path)
-    made = manifest.load("relaxation", tmp_path)
-    assert list(made.entries) == ["relaxation/nominal/0", "relaxation/val/0", "relaxation/val/1"]
-    id_ = "relaxation/val/1"
+    build_manifests.prepare(["patch_impact"], tmp_path)
+    made = manifest.load("patch_impact", tmp_path)
+    assert list(made.entries) == ["patch_impact/nominal/0", "patch_impact/val/0", "patch_impact/val/1"]
+    id_ = "patch_impact/val/1"
     assert made.entries[id_] == manifest.entry(id_)
     expected = references.reference(instances.parse(id_).build())
     found = references._from_arrays(made.arrays(id_))

@@ -38,10 +38,10 @@ def squash(x):
 @pytest.mark.parametrize(
     ("arguments", "size"),
     [
-        ({}, 22),
-        ({"observation": "features+context"}, 26),
-        ({"on_blowup": "rollback"}, 23),
-        ({"observation": "features+context", "on_blowup": "rollback"}, 27),
+        ({}, 23),
+        ({"observation": "features+context"}, 27),
+        ({"on_blowup": "rollback"}, 24),
+        ({"observation": "features+context", "on_blowup": "rollback"}, 28),
     ],
     ids=str,
 )
@@ -79,6 +79,7 @@ def test_entries_are_those_of_their_definitions(id_):
         "mach": squash(10 * now["max_speed"] / sim.sound_speed),
         "max_speed": squash(now["max_speed"] / unit),
         "mean_speed": squash(4 * math.sqrt(speed2(now)) / unit),
+        "flow_speed": squash(now["flow_speed"] / unit),
         "force_limit": squash(force / (COURANT * scene.h / sim.sound_speed)),
         "compression": squash(now["density_error"] / 0.01),
         "compression_p99": squash(now["density_error_p99"] / 0.04),

@@ -136,11 +136,11 @@ def test_a_fingerprint_sees_the_flow_and_not_its_name_or_rounding():
 
 def test_shipped_references_serve_only_the_scene_that_they_belong_to(store, monkeypatch):
     monkeypatch.setattr(module, "_compute", lambda scene: pytest.fail("computed, not shipped"))
-    instance = instances.parse("hydrostatic_tank/val/3")
+    instance = instances.parse("drop_impact/val/3")
     assert len(reference(instance.build(), instance.id).fine.kinetic) > 10
     monkeypatch.setattr(module, "_compute", lambda scene: "computed")
     monkeypatch.setattr(module, "_write", lambda path, stored: None)
-    other = instances.instance("hydrostatic_tank", "val", 3, dx=0.05)
+    other = instances.instance("drop_impact", "val", 3, dx=0.08)
     assert reference(other.build(), other.id) == "computed"
     assert reference(SCENE, "nowhere/custom/0") == "computed"
 

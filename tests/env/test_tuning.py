@@ -532,8 +532,8 @@ def test_mixed_draws_from_all_scenes():
     for _ in range(40):
         drawn.add(made.selection.draw(made.np_random, None)[0].split("/")[0])
     assert drawn == set(SCENES)
-    _, info = made.reset(options={"instance": "relaxation/val/1"})
-    assert info["instance_id"] == "relaxation/val/1"
+    _, info = made.reset(options={"instance": "patch_impact/val/1"})
+    assert info["instance_id"] == "patch_impact/val/1"
 
 
 def test_without_a_screen_the_environment_says_so_once_and_goes_on(monkeypatch):

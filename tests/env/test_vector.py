@@ -46,7 +46,7 @@ def test_gymnasium_makes_it():
     envs = vector()
     assert isinstance(envs.unwrapped, TuningVectorEnv)
     assert envs.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
-    assert envs.observation_space.shape == (3, 22)
+    assert envs.observation_space.shape == (3, 23)
     envs.close()
 
 
@@ -162,7 +162,7 @@ def test_the_first_reset_is_of_all():
 
 def test_whole_numbers_may_be_written_as_floats():
     envs = TuningVectorEnv(2.0, scene="drop_impact", max_episode_steps=3.0, **ARGUMENTS)
-    assert envs.reset(seed=4.0)[0].shape == envs.observation_space.shape == (2, 22)
+    assert envs.reset(seed=4.0)[0].shape == envs.observation_space.shape == (2, 23)
     assert type(envs.num_envs) is type(envs.max_episode_steps) is int
     assert envs.np_random_seed == (4, 5)
 

@@ -27,7 +27,7 @@ def needs_extra(extra: str) -> Iterator[None]:
 def progress_bar(total: float, title: str = "", unit: str = "run") -> Any:
     """Return a tqdm progress bar on stderr, to be used in a `with` statement.
 
-    It appears after two seconds, and only on a terminal.
+    It appears after two seconds or with the first line that `say` prints, on a terminal only.
     """
     return tqdm(
         total=total, desc=title or None, unit=unit, file=sys.stderr, leave=False, delay=2,

@@ -162,7 +162,9 @@ def lowest():
 
 
 def test_the_entry_for_gymnasium_names_the_version_that_is_needed():
-    [badge] = re.findall(r"badge/Gymnasium-%3E%3D([\d.]+)-blue", (ROOT / "RELEASING.md").read_text())
+    [badge] = re.findall(
+        r"badge/Gymnasium-%3E%3D([\d.]+)-blue", (ROOT / "RELEASING.md").read_text()
+    )
     assert f"gymnasium=={badge}.*" in lowest().splitlines()
 
 

@@ -44,7 +44,9 @@ def test_networks_of_the_package_that_fit_are_controllers(folder, scene):
     choose(folder, dam_break="ppo_dam_break")
     assert [*controllers(scene)] == [*RULES, "ppo", "best"]
     assert isinstance(controller("best", scene), Pilot)
-    with pytest.raises(ValueError, match="network: expected 22 features in and 3 coordinates out"):
+    with pytest.raises(
+        ValueError, match=r"network: expected \d+ features in and 3 coordinates out"
+    ):
         controller("sac", scene)
     assert [*controllers(scenes.make("relaxation", dx=0.1))] == [*RULES]
 

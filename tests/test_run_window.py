@@ -113,6 +113,20 @@ def test_the_window_hands_over_to_every_controller(script, capsys):
     assert "tuned_cfl" in names
 
 
+def test_a_controller_begins_in_the_window(script, capsys):
+    seen = []
+
+    def look(window):
+        seen.append((window._steered, window.source.sim.controls))
+        return [pygame.K_h] if len(seen) == 1 else [pygame.K_q]
+
+    script([look, look])
+    assert main([*DAM, "--seconds", "0.05", "--controller", "tuned_cfl"]) == 0
+    (name, controls), (then, _) = seen
+    assert (name, then) == ("tuned_cfl", "adaptive")
+    assert controls.stiffness != Simulation(scenes.make("dam_break", dx=0.05)).controls.stiffness
+
+
 def test_what_was_saved_is_opened(script, capsys):
     assert main([*DAM[:-1], "--seconds", "0.06", "--save", "run.npz"]) == 0
     n = len(trajectory.read("run.npz").times)

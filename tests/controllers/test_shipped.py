@@ -18,6 +18,11 @@ def folder(monkeypatch, tmp_path):
     return tmp_path
 
 
+def observation():
+    network = tiny()
+    return np.linspace(-1, 1, network.weights[0].shape[1], dtype=np.float32)
+
+
 def put(folder, name, network=None, **card):
     (network or tiny()).save(folder / f"{name}.npz")
     texts = {entry: f"{entry} of {name}" for entry in CARD} | card
@@ -33,7 +38,7 @@ def test_the_best_network_of_a_family_is_a_policy_with_a_card(folder):
     put(folder, "sac_dam_break", tiny(seed=2), limits="none known")
     choose(folder, dam_break="sac_dam_break", drop_impact="ppo_mixed")
     policy = shipped("dam_break")
-    x = np.linspace(-1, 1, 22, dtype=np.float32)
+    x = observation()
     assert np.array_equal(policy(x), tiny(seed=2)(x))
     assert policy.name == "sac_dam_break"
     assert policy.card["limits"] == "none known"
@@ -43,7 +48,7 @@ def test_the_best_network_of_a_family_is_a_policy_with_a_card(folder):
 
 def test_a_network_of_choices_returns_the_one_of_most_value(folder):
     put(folder, "dqn_mixed", tiny(27, "none"))
-    x = np.linspace(-1, 1, 22, dtype=np.float32)
+    x = observation()
     values = tiny(27, "none")(x)
     chosen = load("dqn_mixed")(x)
     assert values[chosen] == values.max()

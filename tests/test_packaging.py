@@ -158,14 +158,14 @@ def lowest():
     [block] = re.findall(r"^dependencies = \[\n(.*?)^\]", text, re.MULTILINE | re.DOTALL)
     bounds = re.findall(r'"([\w-]+)>=([\d.]+)"', block)
     assert len(bounds) == len(block.strip().splitlines())
-    return "".join(f"{name}=={bound}.*\n" for name, bound in bounds)
+    return "".join(f"{name}=={bound}\n" for name, bound in bounds)
 
 
 def test_the_entry_for_gymnasium_names_the_version_that_is_needed():
     [badge] = re.findall(
         r"badge/Gymnasium-%3E%3D([\d.]+)-blue", (ROOT / "RELEASING.md").read_text()
     )
-    assert f"gymnasium=={badge}.*" in lowest().splitlines()
+    assert f"gymnasium=={badge}" in lowest().splitlines()
 
 
 @pytest.mark.slow

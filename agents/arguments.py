@@ -1,10 +1,13 @@
 """Command lines from typed arguments: the dataclass on top of a program becomes its parser."""
 
 import argparse
+import sys
 from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+from sph_gym.command_line.parser import Parser
 from sph_gym.studies.backends import Backend
 
 Arguments = TypeVar("Arguments")
@@ -39,10 +42,10 @@ def parse(
     or T | None, where T reads one word; words: by default those of this process.
     Exits with a message for unknown options and wrong values.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
+        prog=f"python -m agents.{Path(sys.argv[0]).stem}",
         description=description,
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-        allow_abbrev=False,
     )
     hints = get_type_hints(kind)
     for part in fields(kind):  # type: ignore[arg-type]

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
+from tqdm import tqdm
+
 Item = TypeVar("Item")
 
 
@@ -25,18 +27,22 @@ def needs_extra(extra: str) -> Iterator[None]:
 def progress_bar(total: float, title: str = "", unit: str = "run") -> Any:
     """Return a tqdm progress bar on stderr, to be used in a `with` statement.
 
-    Raises ImportError that names the extra if tqdm is missing.
+    It appears after two seconds or with the first line that `say` prints, on a terminal only.
     """
-    with needs_extra("studies"):
-        from tqdm import tqdm
-    return tqdm(total=total, desc=title or None, unit=unit, file=sys.stderr, leave=False)
+    return tqdm(
+        total=total, desc=title or None, unit=unit, file=sys.stderr, leave=False, delay=2,
+        disable=None,
+    )  # fmt: skip
+
+
+def say(text: str) -> None:
+    """Print a line to stdout, above the progress bars that there may be."""
+    tqdm.write(text, file=sys.stdout)
+    sys.stdout.flush()
 
 
 def progress(items: Sequence[Item], title: str = "", unit: str = "run") -> Iterator[Item]:
-    """Yield the items, with a progress bar of how many are done.
-
-    Raises ImportError that names the extra if tqdm is missing.
-    """
+    """Yield the items, with a progress bar of how many are done."""
     with progress_bar(len(items), title, unit) as bar:
         for item in items:
             yield item

@@ -1,26 +1,22 @@
 """Run one scene frame by frame: log it, watch, film and save it; or watch what was saved."""
 
-import csv
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
-from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.blowups import explain
-from sph_gym.controllers import ArticleCfl, Controller, TunedCfl, nominal
-from sph_gym.files import atomic_write
-from sph_gym.solver.break_on import BreakOn
-from sph_gym.solver.checks import known, positive, whole
-from sph_gym.solver.gauges import Gauge
-from sph_gym.solver.offender import Offender
-from sph_gym.solver.particle_log import ParticleLog
-from sph_gym.solver.report import count_substeps
-from sph_gym.solver.simulation import Report, Simulation
+from sph_gym.controllers import Controller
+from sph_gym.extras import progress_bar, say
+from sph_gym.readings import Readings
+from sph_gym.solver.checks import known, positive
+from sph_gym.solver.report import Report
+from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.warnings import short
 from sph_gym.trajectory import Recorder, read
 from sph_gym.view import History, Painter, Recording, Window, write_video
@@ -31,15 +27,21 @@ VIDEO_WIDTH, VIDEO_FPS = 960, 30
 LOGGED = 3
 # Characters of a time in a table of particles.
 TIME_WIDTH = 12
-# To which the controls can be handed over in the window.
-CONTROLLERS: dict[str, Controller] = {
-    "default": nominal,
-    "cfl": ArticleCfl(),
-    "tuned_cfl": TunedCfl(),
-}
-
-
 BAD_START = "before the first step, the start is bad already:"
+
+
+class Steering(NamedTuple):
+    """Controllers of a run, which set the controls before every frame.
+
+    name: of the one that begins, empty for constant controls; controllers: by name, the others are
+    those to which the window can hand over.
+    """
+
+    name: str = ""
+    controllers: Mapping[str, Controller] = MappingProxyType({})
+
+
+UNSTEERED = Steering()
 
 
 class PictureStyle(NamedTuple):
@@ -47,136 +49,6 @@ class PictureStyle(NamedTuple):
 
     color: str = "speed"
     arrows: bool = False
-
-
-class Every(NamedTuple):
-    """How far rows of a table are apart at most. number: of "s", seconds, or "steps", substeps."""
-
-    number: float
-    unit: str = "s"
-
-    @classmethod
-    def parse(cls, text: str, unit: str = "s") -> "Every":
-        """Return the distance of a text such as "0.002s", "5steps", or a number in `unit`.
-
-        Raises ValueError for other texts, and for what is no whole number of steps above 0.
-        """
-        number, wanted = text.strip(), unit
-        for ending, name in (("steps", "steps"), ("step", "steps"), ("s", "s")):
-            if number.endswith(ending):
-                number, wanted = number[: -len(ending)], name
-                break
-        try:
-            value = float(number)
-        except ValueError:
-            raise ValueError(
-                f"every: expected seconds such as 0.002s or substeps such as 5steps, got {text!r}"
-            ) from None
-        value = whole("every", value, at_least=1) if wanted == "steps" else positive("every", value)
-        return cls(value, wanted)
-
-    def parts(self, seconds: float, dt: float) -> list[float]:
-        """Return the parts [s] of a time, after each of which there is a row; dt: of a step [s]."""
-        if self.unit == "s":
-            n = max(math.ceil(seconds / self.number - 1e-9), 1)
-            return [seconds / n] * n
-        n_steps, step = count_substeps(seconds, dt), int(self.number)
-        exact = seconds / n_steps
-        rest = n_steps % step
-        return [exact * step] * (n_steps // step) + [exact * rest] * (rest > 0)
-
-
-class Readings:
-    """The values of gauges and particles over time, for the console and for a CSV file.
-
-    path: of the CSV file, which appears when it is closed, also after an exception or Ctrl-C;
-    every: at most so far apart are two rows, by default a frame, which ends with one in any case;
-    log: particles to read with the gauges; break_on:
-    what to stop at; it is looked for after every row, after every step if `every` isn't given.
-    Raises ValueError for gauges and particles that the scene can't have, FileNotFoundError if
-    there is no such directory.
-    """
-
-    def __init__(
-        self,
-        sim: Simulation,
-        gauges: Sequence[Gauge] = (),
-        path: str | os.PathLike[str] | None = None,
-        every: Every | None = None,
-        log: ParticleLog | None = None,
-        break_on: BreakOn | None = None,
-    ) -> None:
-        if path is not None and not gauges and log is None:
-            raise ValueError("gauges: expected at least one, or quantities to log, for a table")
-        if every is not None and not gauges and log is None and break_on is None:
-            raise ValueError(
-                "every: expected a gauge, quantities to log or a condition to break on"
-            )
-        if path is not None and not Path(path).parent.is_dir():
-            raise FileNotFoundError(f"gauges: expected a file in a folder, got {str(path)!r}")
-        self._sim, self.gauges, self.path = sim, tuple(gauges), path
-        self._every, self.log, self.break_on = every, log, break_on
-        self.offender: Offender | None = None
-        if log is not None:
-            log.check(sim)
-        self._read = (*self.gauges, *(() if log is None else (log,)))
-        self.columns = [name for each in self._read for name in each.columns]
-        self.rows = [self._row()]
-
-    def _row(self) -> list[float]:
-        values = [value for each in self._read for value in each.read(self._sim).tolist()]
-        return [self._sim.time, *values]
-
-    def advance(self, seconds: float) -> Report:
-        """Advance the simulation in parts, with a reading after each, up to the first offender."""
-        every, n_substeps = self._every, 0
-        if every is None and self.break_on is not None:
-            every = Every(1, "steps")
-        dt = self._sim.controls.dt
-        for part in [seconds] if every is None else every.parts(seconds, dt):
-            report = self._sim.advance(part)
-            n_substeps += report.n_substeps
-            if self.break_on is not None:
-                self.offender = self.break_on.find()
-            ends = report.diverged or self.offender is not None
-            if self._read and (self._every is not None or ends):
-                self.rows.append(self._row())
-            if ends:
-                break
-        else:
-            if self._read and self._every is None:
-                self.rows.append(self._row())
-        return report._replace(n_substeps=n_substeps)
-
-    def forget(self) -> None:
-        """Drop what was read and found after the present time: the run goes on from an earlier one.
-
-        The offender is forgotten in any case, for the run goes on.
-        """
-        self.offender = None
-        self.rows = [row for row in self.rows if row[0] <= self._sim.time]
-
-    def heading(self) -> list[str]:
-        """Return the headings of the console's columns."""
-        return [f"{name:>11}" for name in self.columns]
-
-    def line(self, k: int = -1) -> list[str]:
-        """Return the values of row k, the last one by default, as wide as their headings."""
-        widths = (max(len(name), 11) for name in self.columns)
-        values = self.rows[k][1:]
-        return [f"{value:{width}.5g}" for value, width in zip(values, widths, strict=True)]
-
-    def __enter__(self) -> "Readings":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        if self.path is None:
-            return
-        with (
-            atomic_write(self.path, make_folder=False) as draft,
-            Path(draft).open("w", newline="", encoding="utf-8") as file,
-        ):
-            csv.writer(file).writerows([["time [s]", *self.columns], *self.rows])
 
 
 def run(
@@ -187,7 +59,7 @@ def run(
     window: bool = False,
     video: str | None = None,
     save: str | None = None,
-    controllers: Mapping[str, Controller] | None = None,
+    steering: Steering = UNSTEERED,
     **style: Any,
 ) -> int:
     """Run a simulation and show it; return 1 if it blew up or came to a break, else 0.
@@ -196,24 +68,27 @@ def run(
     log, spread evenly over the fluid, where `readings` name none; readings: of gauges and
     particles, printed, those of gauges recorded as well; a break ends the run; window:
     watch it, until the window is closed; video: film it there; save: where a `Recorder` puts the
-    start and every frame; controllers: to which the window can hand over the controls, by default
-    `CONTROLLERS`; style: the parts of a `PictureStyle`. Warnings of the simulation are
-    printed as they appear, and at the end in one line. Raises ValueError for wrong values and
-    unknown names.
+    start and every frame; steering: by a controller; style: the parts of a `PictureStyle`. Warnings
+    of the simulation are printed as they appear, and at the end in one line. Raises ValueError for
+    wrong values and unknown names.
     """
     until = sim.scene.duration if seconds is None else positive("seconds", seconds)
     readings = Readings(sim) if readings is None else readings
     shown = PictureStyle(**style)._asdict()
     kept = nullcontext() if save is None else Recorder(save, sim, readings.gauges)
     with readings, kept as recorder:
-        course = Course(sim, until, n_logged, readings, recorder)
+        # the window does the steering itself: there, others can take over
+        steer = None if window else steering.controllers.get(steering.name)
+        course = Course(sim, until, n_logged, readings, recorder, steer)
         if video is not None:
             painter = Painter(sim.scene, size=VIDEO_WIDTH, **shown)
             pictures = (painter.paint(sim, title=sim.scene.name) for _ in course)
             write_video(video, pictures, VIDEO_FPS)
             print(f"video: {video}")
         elif window:
-            _watch(course, Window(sim.scene, controllers=controllers or CONTROLLERS, **shown))
+            _watch(
+                course, Window(sim.scene, controllers=steering.controllers, **shown), steering.name
+            )
         else:
             for _ in course:
                 pass
@@ -262,7 +137,7 @@ def describe_recording(path: str | os.PathLike[str], recording: Recording) -> li
     return [line for line in (*lines, estimates(recording)) if line]
 
 
-def _watch(course: "Course", window: Window) -> None:
+def _watch(course: "Course", window: Window, steered: str) -> None:
     """Show the run in a window until that is closed."""
     readings = course.readings
     history = History(
@@ -276,15 +151,16 @@ def _watch(course: "Course", window: Window) -> None:
     if offender is not None:
         window.paused, window.picked = True, offender.particle
         message = f"{BAD_START} {offender}"
-    window.play(history, message)
+    window.play(history, message, steered)
 
 
 class Course:
     """A run frame by frame: each is logged, printed and recorded.
 
     until: the time at which it ends [s], unless a break or a blow-up ends it before; n_logged,
-    readings: as for `run`; recorder: of the start and every frame. Iterating runs to the end. What
-    there is to break on is looked for before the first step, too.
+    readings: as for `run`; recorder: of the start and every frame; steer: sets the controls before
+    every frame. Iterating runs to the end, with a progress bar. What there is to break on is looked
+    for before the first step, too.
     """
 
     def __init__(
@@ -294,14 +170,15 @@ class Course:
         n_logged: int,
         readings: Readings,
         recorder: Recorder | None,
+        steer: Controller | None = None,
     ) -> None:
-        self.sim, self.readings = sim, readings
+        self.sim, self.readings, self._steer = sim, readings, steer
         self._until, self._recorder = until, recorder
         self._logged = spread(sim, n_logged)
         self._ended, self._latest = False, sim.time
         self._told: set[str] = set()
         self._n_printed = 0
-        print("  ".join([_heading(self._logged, readings), *readings.heading()]))
+        say("  ".join([_heading(self._logged, readings), *readings.heading()]))
         self._tell()
         self._record()
         self._look_at_start()
@@ -313,18 +190,23 @@ class Course:
             readings.offender = readings.break_on.find()
         if readings.offender is not None:
             self._ended = True
-            print(BAD_START)
+            say(BAD_START)
             _tell_end(self.sim.last_report, readings)
 
     def __iter__(self) -> Iterator[None]:
-        while self.advance() is not None:
-            yield
+        frames = math.ceil((self._until - self.sim.time) / self.sim.scene.frame - 1e-9)
+        with progress_bar(max(frames, 0), self.sim.scene.name, "frame") as bar:
+            while self.advance() is not None:
+                bar.update()
+                yield
 
     def advance(self) -> Report | None:
         """Run for a frame and return its report; None if the run is over."""
         sim, readings = self.sim, self.readings
         if self._ended or sim.time >= self._until * (1 - 1e-9):
             return None
+        if self._steer is not None:
+            sim.controls = self._steer(sim)
         report = readings.advance(min(sim.scene.frame, self._until - sim.time))
         self._print(report)
         self._tell()
@@ -344,23 +226,23 @@ class Course:
         self.readings.forget()
         self._n_printed = min(self._n_printed, len(self.readings.rows))
         if self.sim.time < self._latest:
-            print(f"went back to t = {self.sim.time:.6g} s")
+            say(f"went back to t = {self.sim.time:.6g} s")
 
     def _print(self, report: Report) -> None:
         readings = self.readings
         if readings.log is None:
             line = _line(self.sim, report.n_substeps, self._logged)
-            print("  ".join([line, *readings.line()]))
+            say("  ".join([line, *readings.line()]))
             return
         for k in range(self._n_printed, len(readings.rows)):
-            print("  ".join([f"{readings.rows[k][0]:{TIME_WIDTH}.6g}", *readings.line(k)]))
+            say("  ".join([f"{readings.rows[k][0]:{TIME_WIDTH}.6g}", *readings.line(k)]))
         self._n_printed = len(readings.rows)
 
     def _tell(self) -> None:
         """Print the warnings of kinds that weren't told yet."""
         for warning in self.sim.warnings:
             if warning.kind not in self._told:
-                print(f"warning: {warning.message}")
+                say(f"warning: {warning.message}")
                 self._told.add(warning.kind)
 
     def _record(self) -> None:
@@ -379,12 +261,12 @@ def _tell_end(report: Report, readings: Readings) -> None:
     if report.diverged:
         words = f"{explain(report)}. It was substep {report.n_substeps} of this frame"
     if readings.break_on is None or readings.offender is None:
-        print(words)
+        say(words)
         return
     first, *table = readings.break_on.describe(readings.offender)
     # the last finite state of a blow-up has no value that would show it
-    print(f"break: {words}. The table is of the last finite state:" if words else first)
-    print(*table, sep="\n")
+    say(f"break: {words}. The table is of the last finite state:" if words else first)
+    say("\n".join(table))
 
 
 def _heading(logged: NDArray[Any], readings: Readings) -> str:

@@ -5,7 +5,7 @@ import pytest
 
 from sph_gym import Simulation, scenes
 from sph_gym.__main__ import main
-from sph_gym.run import Every, Readings
+from sph_gym.readings import Every, Readings
 from sph_gym.solver import break_on
 from sph_gym.solver.break_on import BreakOn
 from sph_gym.solver.particle_log import ParticleLog

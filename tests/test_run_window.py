@@ -14,8 +14,9 @@ from sph_gym.doctor import Tripped, watch
 from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.observations import Features
 from sph_gym.env.rules import Rules
-from sph_gym.pilot import Pilot, pilots
-from sph_gym.run import BAD_START, CONTROLLERS, Course, Readings
+from sph_gym.pilot import Pilot, controllers
+from sph_gym.readings import Readings
+from sph_gym.run import BAD_START, Course
 from sph_gym.solver import break_on, failure
 from sph_gym.solver.gauges import Gauge
 from sph_gym.solver.report import Report
@@ -104,12 +105,26 @@ def test_the_window_hands_over_to_every_controller(script, capsys):
         seen.append(window._steered)
         return [pygame.K_h, pygame.K_s]
 
-    names = [*CONTROLLERS, *pilots(scenes.make("dam_break", dx=0.05))]
+    names = [*controllers(scenes.make("dam_break", dx=0.05))]
     script([look] * (len(names) + 2))
     assert main([*DAM, "--seconds", "0.05"]) == 0
     assert seen == ["you", *names, "you"]
     assert "default" in names
     assert "tuned_cfl" in names
+
+
+def test_a_controller_begins_in_the_window(script, capsys):
+    seen = []
+
+    def look(window):
+        seen.append((window._steered, window.source.sim.controls))
+        return [pygame.K_h] if len(seen) == 1 else [pygame.K_q]
+
+    script([look, look])
+    assert main([*DAM, "--seconds", "0.05", "--controller", "tuned_cfl"]) == 0
+    (name, controls), (then, _) = seen
+    assert (name, then) == ("tuned_cfl", "adaptive")
+    assert controls.stiffness != Simulation(scenes.make("dam_break", dx=0.05)).controls.stiffness
 
 
 def test_what_was_saved_is_opened(script, capsys):
@@ -230,20 +245,10 @@ def test_networks_of_other_environments_are_refused(n_in, n_out, squash):
         Pilot(random_network(n_in, n_out, squash))
 
 
-@pytest.mark.parametrize("layouts", [("features v1", LAYOUTS[1]), (LAYOUTS[0], "delta v2")])
+@pytest.mark.parametrize("layouts", [("features v1", LAYOUTS[1]), (LAYOUTS[0], "absolute v1")])
 def test_networks_of_other_versions_are_refused(layouts):
     with pytest.raises(ValueError, match="network: it was trained with"):
         Pilot(random_network(len(Features().rows), layouts=layouts))
-
-
-def test_networks_of_the_package_that_fit_are_pilots(monkeypatch, tmp_path):
-    n_in = len(Features().rows)
-    random_network(n_in).save(tmp_path / "ppo_dam_break.npz")
-    random_network(n_in + 1).save(tmp_path / "sac_dam_break.npz")
-    place = "sph_gym.pilot.shipped_network"
-    monkeypatch.setattr(place, lambda name, scene: tmp_path / f"{name}_{scene}.npz")
-    assert set(pilots(scenes.make("dam_break", dx=0.1))) == {"ppo network"}
-    assert pilots(scenes.make("relaxation", dx=0.1)) == {}
 
 
 def test_every_cause_of_a_blow_up_is_explained():

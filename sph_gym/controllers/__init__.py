@@ -1,11 +1,22 @@
 """Controllers, without any learning framework: rules, beam search, and exported networks."""
 
+from collections.abc import Callable
+
 from sph_gym.controllers.adaptive import AdaptiveRule
 from sph_gym.controllers.network import Network
 from sph_gym.controllers.pi import PiController
 from sph_gym.controllers.rules import ArticleCfl, Controller, Static, TunedCfl, nominal
+from sph_gym.controllers.shipped import Policy, shipped
+
+# Rules by name. Every run takes one of its own, for some remember it.
+RULES: dict[str, Callable[[], Controller]] = {
+    "default": lambda: nominal,
+    "cfl": ArticleCfl,
+    "tuned_cfl": TunedCfl,
+    "adaptive": AdaptiveRule,
+}
 
 __all__ = [
-    "AdaptiveRule", "ArticleCfl", "Controller", "Network", "PiController", "Static", "TunedCfl",
-    "nominal",
+    "RULES", "AdaptiveRule", "ArticleCfl", "Controller", "Network", "PiController", "Policy",
+    "Static", "TunedCfl", "nominal", "shipped",
 ]  # fmt: skip

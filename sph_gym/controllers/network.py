@@ -42,15 +42,24 @@ class Network:
     action: str = ""
 
     def __call__(self, observation: Floats) -> Floats:
-        """Return the action (3,) for an observation (n,), or the values of discrete ones."""
+        """Return the action (3,) for an observation (n,), or the values of discrete ones.
+
+        Raises ValueError for an observation of another shape.
+        """
         x = np.asarray(observation, dtype=np.float32)
-        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            x = weight @ x + bias
-            if k + 1 < len(self.weights):
-                x = np.tanh(x) if self.activation == "tanh" else np.maximum(x, 0.0)
-        if self.squash == "none":
-            return x
-        return np.tanh(x) if self.squash == "tanh" else np.clip(x, -1.0, 1.0)
+        if x.shape != (n := self.weights[0].shape[1],):
+            raise ValueError(f"observation: expected shape ({n},), got {x.shape}")
+        last = len(self.weights) - 1
+        for k, weight in enumerate(self.weights):
+            # in place: for so few numbers, calls of numpy are what takes time
+            x = weight.dot(x)
+            x += self.biases[k]
+            if k < last:
+                np.tanh(x, out=x) if self.activation == "tanh" else np.maximum(x, 0.0, out=x)
+        if self.squash == "clip":
+            np.maximum(x, -1.0, out=x)
+            return np.minimum(x, 1.0, out=x)
+        return np.tanh(x, out=x) if self.squash == "tanh" else x
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file that `load` reads; a kill leaves all of it or what was there before."""

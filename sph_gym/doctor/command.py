@@ -1,10 +1,9 @@
-"""Carry out `python -m sph_gym doctor`: examine, print as it goes, write pages."""
+"""Carry out `sph-gym doctor`: examine, print as it goes, write pages."""
 
 import faulthandler
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from sph_gym.doctor.checkup import check_solver
@@ -12,7 +11,7 @@ from sph_gym.doctor.comparison import compare
 from sph_gym.doctor.diagnosis import Diagnosis, Result, row
 from sph_gym.doctor.registry import CHECKS
 from sph_gym.doctor.report import write_page
-from sph_gym.files import atomic_write
+from sph_gym.extras import progress_bar, say
 from sph_gym.solver.checks import known
 
 WIDTH = 100
@@ -24,8 +23,8 @@ class Request(NamedTuple):
     """A request to examine exactly one of the first five, or, without any, this solver.
 
     solver: "module:factory"; scene: a name; recording: a path; fault: a name of `faults.FAULTS`,
-    or "all"; pair: two solvers to compare; skip: checks to leave out; json, html: where to write
-    the diagnosis, "" for nowhere; None: not asked for.
+    or "all"; pair: two solvers to compare; skip: checks to leave out; html: where to write the
+    diagnosis as a page, "" for nowhere; None: not asked for.
     """
 
     solver: str | None = None
@@ -35,7 +34,6 @@ class Request(NamedTuple):
     pair: Sequence[str] | None = None
     skip: Sequence[str] = ()
     seed: int = 0
-    json: str = ""
     html: str = ""
 
 
@@ -52,9 +50,10 @@ def list_checks() -> str:
     return "\n".join(lines)
 
 
-def carry_out(request: Request) -> int:
-    """Examine what is asked for, print the outcome, and return the exit status: 0 healthy, 1 not.
+def carry_out(request: Request) -> tuple[int, Diagnosis | None]:
+    """Examine what is asked for and print the outcome.
 
+    Returns the exit status, 0 healthy, 1 not; and the diagnosis, None for all faults at once.
     Raises ValueError for unknown names, and if more than one thing is to be examined.
     """
     if "" not in sys.path:
@@ -66,28 +65,32 @@ def carry_out(request: Request) -> int:
         raise ValueError(f"doctor: expected one of {', '.join(asked)}, got {len(asked)}")
     if request.skip and {"recording", "pair"} & set(asked):
         raise ValueError(f"--skip: expected no --{asked[0]} beside it")
-    if request.fault == "all" and (request.json or request.html or request.skip):
-        raise ValueError("--fault all: expected no --json, --html or --skip beside it")
+    if request.fault == "all" and (request.html or request.skip):
+        raise ValueError("--fault all: expected no --html or --skip beside it")
     if request.fault == "all":
         from sph_gym.doctor.matrix import measure, show
 
-        return show(measure())
+        return show(measure()), None
     diagnosis = _EXAMINATIONS[asked[0] if asked else "scene"](request)
-    if request.json:
-        _write(request.json, diagnosis.to_json() + "\n")
     if request.html:
         write_page(diagnosis, request.html)
     print(_ending(diagnosis))
-    return 0 if diagnosis.ok else 1
+    return (0 if diagnosis.ok else 1), diagnosis
 
 
 def _examine(make: object, request: Request) -> Diagnosis:
-    return check_solver(
-        make,  # type: ignore[arg-type]
-        request.skip,
-        seed=request.seed,
-        callback=lambda result: print(row(result), flush=True),
-    )
+    with progress_bar(len(CHECKS), unit="check") as bar:
+
+        def show(result: Result) -> None:
+            say(row(result))
+            bar.update()
+
+        return check_solver(
+            make,  # type: ignore[arg-type]
+            request.skip,
+            seed=request.seed,
+            callback=show,
+        )
 
 
 def _solver(request: Request) -> Diagnosis:
@@ -152,8 +155,3 @@ def _paragraph(result: Result) -> str:
     for text in (result.message, result.remedy):
         lines += textwrap.wrap(text, WIDTH, initial_indent="  ", subsequent_indent="  ")
     return "\n".join([*lines, ""])
-
-
-def _write(path: str, text: str) -> None:
-    with atomic_write(Path(path)) as draft:
-        draft.write_text(text, encoding="utf-8")

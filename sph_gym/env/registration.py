@@ -2,10 +2,12 @@
 
 import gymnasium as gym
 
-from sph_gym.env.distributions import FAMILIES
-from sph_gym.env.selection import GROUPS
+from sph_gym import scenes
+from sph_gym.solver.checks import known
 
-SCENES = tuple(FAMILIES)
+SCENES = scenes.with_family()
+# Names that stand for several of them; `sph_gym.env.selection` knows which.
+GROUPS = ("mixed", "benchmark")
 VERSION = "v1"
 # Changes of the environments, the newest first.
 HISTORY = {
@@ -24,10 +26,8 @@ def env_id(scene: str) -> str:
 
 def scene_of(id_: str) -> str:
     """Return the name of the environment of an id. Raises ValueError that lists the known ids."""
-    known = {env_id(scene): scene for scene in SCENES}
-    if id_ not in known:
-        raise ValueError(f"id: expected one of {', '.join(known)}, got {id_!r}")
-    return known[id_]
+    by_id = {env_id(scene): scene for scene in SCENES}
+    return by_id[known("id", id_, by_id)]
 
 
 def register_all() -> None:

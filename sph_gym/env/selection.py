@@ -13,7 +13,7 @@ from sph_gym.env.reference import n_frames
 from sph_gym.solver.checks import known, positive
 from sph_gym.solver.scene import Scene
 
-# Names that stand for several environments.
+# The environments that the names of `sph_gym.env.registration.GROUPS` stand for.
 GROUPS = {
     "mixed": tuple(FAMILIES),
     "benchmark": tuple(name for name in FAMILIES if name not in instances.DIAGNOSTIC),

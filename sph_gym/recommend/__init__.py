@@ -2,7 +2,7 @@
 
 from sph_gym.recommend.advice import Advice, advise
 from sph_gym.recommend.published import summarize
-from sph_gym.recommend.text import describe, parse_budget, parse_error, program
+from sph_gym.recommend.text import describe, parse_budget, parse_error, program, to_dict
 
 __all__ = [
     "Advice",
@@ -12,4 +12,5 @@ __all__ = [
     "parse_error",
     "program",
     "summarize",
+    "to_dict",
 ]

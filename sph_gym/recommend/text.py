@@ -1,6 +1,7 @@
 """Recommendations as text: wishes are read, advice is written in words and as a program."""
 
 import math
+from typing import Any
 
 from sph_gym.recommend.advice import Advice, at_most_one
 from sph_gym.recommend.settings import FIXED, RULES, Setting, build
@@ -59,6 +60,30 @@ def describe(advice: Advice) -> list[tuple[str, str]]:
         **_remarks(advice),
     }
     return list(lines.items())
+
+
+def to_dict(advice: Advice) -> dict[str, Any]:
+    """Return a recommendation as plain data, in SI units; errors are shares."""
+    case, choice, setting = advice.case, advice.choice, advice.choice.setting
+    scene = build(case, setting)
+    assert scene.controls is not None
+    return {
+        "scene": case.scene,
+        "arguments": {"dx": scene.dx, **case.given()},
+        "h": scene.h,
+        "frame": scene.frame,
+        "controls": scene.controls._asdict(),
+        "controller": setting.controller,
+        "kernel": setting.kernel,
+        "density": setting.density,
+        "dtype": setting.dtype,
+        "integrator": setting.integrator,
+        "expected_error": choice.error,
+        "promised_error": choice.promised,
+        "tried_error": advice.tried,
+        "seconds": advice.seconds,
+        "program": program(advice),
+    }
 
 
 def _remarks(advice: Advice) -> dict[str, str]:

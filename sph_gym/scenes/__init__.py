@@ -5,16 +5,23 @@ Beside its builder, a module may hold `REFERENCE` (what its flow is compared wit
 scenes share, and these types, are in `sph_gym.scenes.shared`.
 """
 
+from __future__ import annotations
+
 import inspect
+import re
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sph_gym.scenes.shared.family import FlowFamily
-from sph_gym.scenes.shared.reference import Reference
 from sph_gym.solver.checks import known
-from sph_gym.solver.scene import Scene
+
+# a list of names needs no solver, which takes most of a second to import
+if TYPE_CHECKING:
+    from sph_gym.scenes.shared.family import FlowFamily
+    from sph_gym.scenes.shared.reference import Reference
+    from sph_gym.solver.scene import Scene
 
 # The order of the scenes that were there first, in which `sph_gym/Mixed-v1` numbers its
 # environments. A new scene needs no entry: it follows these, by its name.
@@ -36,6 +43,16 @@ def _found() -> tuple[str, ...]:
     there = sorted(module.name for module in iter_modules(__path__) if not module.ispkg)
     first = tuple(name for name in _FIRST if name in there)
     return first + tuple(name for name in there if name not in first)
+
+
+def with_family() -> tuple[str, ...]:
+    """Return the names of the scenes that are environments, without importing them."""
+    files = {name: Path(__file__).with_name(f"{name}.py") for name in _found()}
+    return tuple(
+        name
+        for name, file in files.items()
+        if re.search(r"^FAMILY\b", file.read_text(encoding="utf-8"), re.MULTILINE)
+    )
 
 
 def parameters(name: str) -> dict[str, Any]:
@@ -100,4 +117,7 @@ def _builder(name: str) -> Any:
     return getattr(_module(name), name)
 
 
-__all__ = ["description", "family", "make", "names", "parameters", "reference", "refinement"]
+__all__ = [
+    "description", "family", "make", "names", "parameters", "reference", "refinement",
+    "with_family",
+]  # fmt: skip

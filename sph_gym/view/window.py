@@ -125,14 +125,17 @@ class Window:
         if not self.closed:
             self._clock.tick(min(1.0 / sim.scene.frame, FASTEST))
 
-    def play(self, source: Source, message: str = "") -> None:
-        """Go through a source until the window is closed; message: shown at the start.
+    def play(self, source: Source, message: str = "", steered: str = "") -> None:
+        """Go through a source until the window is closed.
 
+        message: shown at the start; steered: name of the controller that begins, by default you.
         Where nothing can be seen it ends with the source.
         """
         self.source, self._is_playing = source, True
         self._message = self._message or message
         self._history = source if isinstance(source, History) else None
+        if steered and self._history is not None:
+            self._steered, self._history.steer = steered, self._controllers[steered]
         self._shoot()
         self._redraw()
         # the collector would look at all that numba has loaded, a tenth of a second every so often

@@ -36,10 +36,10 @@ def test_words_become_values_of_their_type():
     ("words", "message"),
     [
         ("", "required: --name"),
-        ("--name a --n-envs many", "invalid int value: 'many'"),
+        ("--name a --n-envs many", "--n-envs: expected a number, got 'many'"),
         ("--name a --grid 1 2", "expected 3 arguments"),
-        ("--name a --colour red", "unrecognized arguments: --colour red"),
-        ("--name a --out x", "unrecognized arguments: --out x"),
+        ("--name a --colour red", "--colour: no such argument"),
+        ("--name a --out x", "--out: no such argument (did you mean --output?)"),
     ],
 )
 def test_wrong_words_are_named(words, message, capsys):

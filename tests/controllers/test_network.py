@@ -118,3 +118,20 @@ def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="no space"):
         network("relu").save(tmp_path / "n.npz")
     assert (tmp_path / "n.npz").read_bytes() == before
+
+
+def test_an_observation_of_another_shape_is_refused():
+    with pytest.raises(ValueError, match=r"observation: expected shape \(5,\), got \(7,\)"):
+        network()(np.zeros(7))
+
+
+def test_what_it_returns_is_its_own():
+    """Layers work in place, but neither on the observation nor on what was returned before."""
+    net, x = network(), np.linspace(-1, 1, 5, dtype=np.float32)
+    first, before = net(x), x.copy()
+    kept = first.copy()
+    net(-x)
+    assert np.array_equal(x, before)
+    assert np.array_equal(first, kept)
+    weights = [weight.copy() for weight in net.weights]
+    assert all(map(np.array_equal, weights, network().weights))

@@ -131,7 +131,11 @@ def test_preparing_writes_what_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr(build_manifests, "SIZES", {"nominal": 1, "val": 2})
     build_manifests.prepare(["patch_impact"], tmp_path)
     made = manifest.load("patch_impact", tmp_path)
-    assert list(made.entries) == ["patch_impact/nominal/0", "patch_impact/val/0", "patch_impact/val/1"]
+    assert list(made.entries) == [
+        "patch_impact/nominal/0",
+        "patch_impact/val/0",
+        "patch_impact/val/1",
+    ]
     id_ = "patch_impact/val/1"
     assert made.entries[id_] == manifest.entry(id_)
     expected = references.reference(instances.parse(id_).build())

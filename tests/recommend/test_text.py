@@ -1,3 +1,4 @@
+import json
 import math
 import subprocess
 import sys
@@ -132,6 +133,13 @@ def test_the_command_prints_it(table, capsys, monkeypatch):
     for name in ("dx:", "h / dx:", "dt:", "stiffness:", "epsilon:", "kernel:", "precision:"):
         assert name in printed
     assert "expected error: about 1 %, at most 1 %" in printed
+    assert main([*command, "--error", "0.01", "--json", "-"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["promised_error"] == pytest.approx(0.01)
+    assert data["arguments"]["dx"] == pytest.approx(0.05)
+    assert data["controls"]["dt"] > 0
+    assert main([*command, "--json", "-"]) == 2
+    capsys.readouterr()
     assert main([*command, "--budget", "1s"]) == 0
     assert "expected time:" in capsys.readouterr().out
     for wrong in (["--error", "1e-9"], ["--budget", "soon"], ["--error", "0.01", "--set", "dx=1"]):
@@ -143,7 +151,7 @@ def test_recommendations_need_no_extra():
     """Neither the import nor the commands use what comes with the extra "studies"."""
     code = """
 import sys
-for name in ("h5py", "jinja2", "matplotlib", "pandas", "pyarrow", "rich", "scipy", "tqdm", "tyro"):
+for name in ("h5py", "jinja2", "matplotlib", "pandas", "pyarrow", "rich", "scipy", "tyro"):
     sys.modules[name] = None
 from sph_gym.__main__ import main
 assert main(["recommend", "elliptical_drop"]) == 0

@@ -1,7 +1,7 @@
 import pytest
 
 from sph_gym import studies
-from sph_gym.__main__ import STUDIES
+from sph_gym.command_line.study import STUDIES
 from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.faults import FAULTS
 from sph_gym.doctor.matrix import ALL, BARE, Outcome

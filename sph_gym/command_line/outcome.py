@@ -1,0 +1,36 @@
+"""What a command leaves behind: an exit status, and data that a program can read."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sph_gym.files import atomic_write
+
+
+class Outcome(NamedTuple):
+    """Exit status, and what --json writes: dicts, lists, texts and numbers."""
+
+    status: int = 0
+    data: Any = None
+
+
+def write_json(path: str, data: Any) -> None:
+    """Write data as JSON to a file, or to the standard output if the path is "-".
+
+    JSON has no numbers that aren't finite: they become null. Raises OSError that names the file.
+    """
+    text = json.dumps(_finite(data), indent=2)
+    if path == "-":
+        print(text)
+        return
+    with atomic_write(Path(path)) as draft:
+        draft.write_text(text + "\n", encoding="utf-8")
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {name: _finite(value) for name, value in data.items()}
+    if isinstance(data, (list, tuple)):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data

@@ -1,0 +1,65 @@
+"""`sph-gym study`: measure something and print a table."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from sph_gym import scenes
+from sph_gym.command_line.outcome import Outcome
+from sph_gym.command_line.parser import add_command, completed
+
+# Known here too, since it takes long to import the studies.
+STUDIES = (
+    "startup",
+    "validation",
+    "throughput",
+    "effects",
+    "headroom",
+    "exploits",
+    "soak",
+    "stability",
+    "accuracy",
+    "doctor",
+)
+
+
+def add(commands: Any) -> None:
+    """Add the command to a parser."""
+    study = add_command(
+        commands,
+        "study",
+        _study,
+        help="measure something and print a table",
+        examples=(
+            ("study validation --scenes poiseuille", "one flow against its exact solution"),
+            ("study throughput --quick", "the speed of the solver, coarsely"),
+        ),
+    )
+    add = study.add_argument
+    completed(add("name", help=", ".join(STUDIES)), STUDIES)
+    add("--quick", action="store_true", help="coarser and sooner")
+    add("--peers", metavar="PATH", help="throughput, accuracy: folder of a script to race against")
+    add("--peers-python", metavar="PYTHON", default=sys.executable, help="what runs that script")
+    only = add("--scenes", nargs="+", metavar="SCENE", help="validation, accuracy: only these")
+    completed(only, scenes.names())
+    text = "validation: anew what was done before; accuracy: its times"
+    add("--again", action="store_true", help=text)
+    text = "accuracy: run one kept point again; a hash of points.csv"
+    add("--point", metavar="KEY", help=text)
+    add("--output", default="runs/studies", help="folder of the CSV file")
+
+
+def _study(options: argparse.Namespace) -> Outcome:
+    from sph_gym.studies import Peers, run_study
+
+    if options.point is not None:
+        if options.name != "accuracy":
+            raise ValueError(f"--point: only the study accuracy has it, not {options.name}")
+        from sph_gym.studies.accuracy import rerun
+
+        return Outcome(rerun(options.point, Path(options.output) / "accuracy"))
+    peers = Peers(Path(options.peers), options.peers_python) if options.peers else None
+    return Outcome(
+        run_study(options.name, options.quick, options.output, peers, options.scenes, options.again)
+    )

@@ -1,0 +1,92 @@
+"""Networks that come with the package, and which of them is best for a family of flows.
+
+A network NAME is two files of `networks/`: NAME.npz, numbers only, and NAME.json, its card. A name
+is an algorithm and the family that it was trained on, or "mixed" for all: ppo_dam_break, ppo_mixed.
+`networks/best.json` has the best network of every family.
+"""
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sph_gym.controllers.network import SHIPPED, Network
+from sph_gym.solver.checks import known
+
+# Entries of a card: what the network does, how it was trained and by which command, on which seeds,
+# how long [minutes], what it reached (figures with intervals), and where it must not be trusted.
+CARD = ("what", "how", "command", "seeds", "minutes", "figures", "limits")
+BEST, MIXED = "best", "mixed"
+
+
+class Policy:
+    """A network of the package: an observation becomes an action.
+
+    name: of the network; network: with the layouts of its observations and actions; card: entries
+    by the names of CARD.
+    """
+
+    def __init__(self, name: str, network: Network, card: dict[str, Any]) -> None:
+        self.name, self.network, self.card = name, network, card
+
+    def __call__(self, observation: NDArray[Any]) -> Any:
+        """Return the action for an observation (n,): (3,), or the number of a discrete action.
+
+        Raises ValueError for an observation of another length.
+        """
+        values = self.network(observation)
+        return np.int64(values.argmax()) if self.network.squash == "none" else values
+
+
+def shipped(family: str) -> Policy:
+    """Return the best network for a family of flows, such as "dam_break" or "mixed".
+
+    Raises ValueError if the package has none for it, or if its files are damaged.
+    """
+    best = _best()
+    if not best:
+        raise ValueError(
+            f"shipped: no network comes with this version, so none for {family!r}; a clone of the "
+            "project trains some: sph-gym agents"
+        )
+    return load(best[known("shipped", family, best)])
+
+
+def load(name: str) -> Policy:
+    """Return a network of the package by its name, such as "ppo_mixed".
+
+    Raises ValueError for an unknown name, a damaged file, or a card without all entries of CARD.
+    """
+    known("network", name, names())
+    path = SHIPPED / f"{name}.json"
+    try:
+        card = json.loads(path.read_text(encoding="utf-8"))
+        missing = [entry for entry in CARD if entry not in card]
+    except (OSError, ValueError, TypeError) as error:
+        raise ValueError(f"network: {path} is no card ({error})") from None
+    if missing:
+        raise ValueError(f"network: expected {', '.join(missing)} in the card {path}")
+    return Policy(name, Network.load(SHIPPED / f"{name}.npz"), card)
+
+
+def names() -> list[str]:
+    """Return the names of all networks of the package."""
+    return sorted(path.stem for path in SHIPPED.glob("*.npz"))
+
+
+def fitting(family: str) -> dict[str, str]:
+    """Return the networks for a family, by algorithm and as "best"; without the family, the mixed.
+
+    An algorithm stands for its network of that family if there is one.
+    """
+    found: dict[str, str] = {}
+    for of in (MIXED, family):
+        found |= {n.removesuffix(f"_{of}"): n for n in names() if n.endswith(f"_{of}")}
+    best = _best()
+    return found | ({BEST: best[family]} if family in best else {})
+
+
+def _best() -> dict[str, str]:
+    path = SHIPPED / f"{BEST}.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}

@@ -31,7 +31,7 @@ default_role = "code"
 myst_heading_anchors = 4
 suppress_warnings = ["config.cache"]
 
-autodoc_default_options = {"members": True, "imported-members": True, "undoc-members": True}
+autodoc_default_options = {"members": True, "imported-members": True}
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
@@ -73,3 +73,4 @@ def setup(app):
     site_pages.write()
     app.connect("source-read", site_pages.redirect)
     app.connect("autodoc-process-docstring", site_pages.as_rst)
+    app.connect("autodoc-skip-member", site_pages.skip)

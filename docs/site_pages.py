@@ -15,6 +15,10 @@ ENVIRONMENTS, PROJECT = GENERATED / "environments", GENERATED / "project"
 EXTRA = GENERATED / "extra"
 # Pages of the repository's root that the site has too.
 ROOT_PAGES = ("README", "CHANGELOG", "CONTRIBUTING")
+PAGES_OF_FILES = {
+    "examples/README.rst": "generated/gallery/index.rst",
+    **{f"../{name}.md": f"generated/project/{name}.md" for name in ROOT_PAGES},
+}
 # The gallery from the first look to the last.
 EXAMPLES = (
     "dam_break.py",
@@ -66,10 +70,10 @@ def moved(text: str) -> str:
 
 
 def redirect(_app: Any, docname: str, source: list[str]) -> None:
-    """Let links to pages of the root lead to their copies on the site."""
+    """Let links to files lead to the pages that the site makes of them."""
     if "/" not in docname:
-        names = "|".join(ROOT_PAGES)
-        source[0] = re.sub(rf"\]\(\.\./({names})\.md", r"](generated/project/\1.md", source[0])
+        for path, page in PAGES_OF_FILES.items():
+            source[0] = source[0].replace(f"]({path}", f"]({page}")
 
 
 def example_order(name: str) -> int:
@@ -87,3 +91,8 @@ def as_rst(
     parts = re.split(r"(`[^`]*`)", text)
     parts[::2] = [part.replace("|", r"\|") for part in parts[::2]]
     lines[:] = "".join(parts).splitlines()
+
+
+def skip(_app: Any, _what: str, _name: str, member: Any, skipped: bool, _options: Any) -> bool:
+    """Return whether the API leaves a member out: fields of tuples, which the signature has."""
+    return skipped or str(getattr(member, "__doc__", "")).startswith("Alias for field number")

@@ -4,7 +4,7 @@ BIN := .venv/bin
 UNCOMPILED := $(BIN)/python -m pytest tests/solver tests/test_fuzz.py
 INSTALL := $(BIN)/pip install --quiet --disable-pip-version-check --constraint .ci/constraints.txt
 
-.PHONY: demo demo-rl test test-all lint clean
+.PHONY: demo demo-rl docs test test-all lint clean
 
 demo: .venv/.studies
 	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 4 \
@@ -14,6 +14,10 @@ demo-rl: .venv/.agents
 	$(BIN)/python -m agents.ppo --scene dam_break --steps 30000 --output runs/demo-rl
 	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 4 \
 		--grid 3 4 2 --networks ppo runs/demo-rl/ppo_dam_break_seed0/network.npz --output runs/demo-rl
+
+# The site: docs/_build/html/index.html. It needs no network, neither to be built nor to be read.
+docs: .venv/.docs
+	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
 
 # What a contributor needs: minutes. The solver runs as plain Python too, which tests each effect
 # by itself without compiling it.
@@ -33,7 +37,7 @@ lint: .venv/.dev
 	$(BIN)/lint-imports
 
 clean:
-	rm -rf .venv runs
+	rm -rf .venv runs docs/_build docs/generated
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
@@ -44,6 +48,10 @@ clean:
 
 .venv/.agents: .venv/bin/python pyproject.toml .ci/constraints.txt
 	$(INSTALL) --editable ".[agents]"
+	touch $@
+
+.venv/.docs: .venv/bin/python pyproject.toml .ci/constraints.txt
+	$(INSTALL) --editable ".[docs]"
 	touch $@
 
 .venv/.dev: .venv/bin/python pyproject.toml .ci/constraints.txt

@@ -51,7 +51,12 @@ class Block(NamedTuple):
 
 
 BLOCKS = [Block(page, *found) for page, text in PAGES.items() for found in BLOCK.findall(text)]
+# Pages whose blocks are one program.
+TUTORIALS = ("docs/own_scene.md",)
 PROGRAMS = [b for b in BLOCKS if b.language == "python" and not FILE.match(b.text)]
+for page in TUTORIALS:
+    parts = [b.text for b in PROGRAMS if b.page == page]
+    PROGRAMS = [b for b in PROGRAMS if b.page != page] + [Block(page, "python", "\n".join(parts))]
 SHELL = [line.split("#")[0].strip() for b in BLOCKS if b.language == "sh"
          for line in b.text.splitlines()]  # fmt: skip
 INLINE = [code for text in PAGES.values() for code in CODE.findall(BLOCK.sub("", text))]

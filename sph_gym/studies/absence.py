@@ -146,20 +146,31 @@ def guards(function: FunctionType) -> dict[int, Callable[..., Any]]:
     return found
 
 
+class _Given:
+    """Stand-in for an argument, or for a field of one: `text` says which."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __getattr__(self, name: str) -> "_Given":
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return _Given(f"{self.text}.{name}")
+
+
 def identity(function: FunctionType, absent: str) -> Callable[..., Any]:
     """Return a function that only returns what `function` does when an argument is None.
 
-    Raises ValueError if that is neither one of the other arguments nor a constant.
+    Raises ValueError if that is neither another argument, nor a field of one, nor a constant.
     """
     parameters = list(inspect.signature(function).parameters)
-    given = {name: None if name == absent else object() for name in parameters}
-    names = {id(value): name for name, value in given.items() if value is not None}
+    given = {name: None if name == absent else _Given(name) for name in parameters}
 
     def expression(result: Any) -> str:
         if isinstance(result, tuple):
             return "".join(["(", *(f"{expression(part)}, " for part in result), ")"])
-        if id(result) in names:
-            return names[id(result)]
+        if isinstance(result, _Given):
+            return result.text
         if result is None or isinstance(result, (bool, int, float)):
             return repr(result)
         raise ValueError(f"{function.__name__}: expected an argument or a constant, got {result!r}")

@@ -3,6 +3,7 @@
 `python -m agents.ppo_warm --start runs/imitation_benchmark_seed0/network.npz --scene benchmark`
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,11 @@ class WarmArgs(TrainingArgs):
     """Arguments of a training that goes on with a network."""
 
     start: str = option("exported network to begin with")
+    spread: tuple[float, float, float] = option(
+        "standard deviations with which dt, stiffness and epsilon are explored at the start, in "
+        "coordinates of the action: a longer step soon blows up, so that dt gets less",
+        (0.05, 0.14, 0.14),
+    )
     held: int = option("steps during which it stays as it is, while its value is learned", 20_000)
 
 
@@ -43,6 +49,13 @@ def begin_with(model: PPO, network: Network) -> None:
         for layer, weight, bias in zip(linears, network.weights, network.biases, strict=True):
             layer.weight.copy_(torch.from_numpy(weight))
             layer.bias.copy_(torch.from_numpy(bias))
+
+
+def explore(model: PPO, spread: Sequence[float]) -> None:
+    """Set the standard deviation of each control, with which the policy explores."""
+    policy: Any = model.policy
+    with torch.no_grad():
+        policy.log_std.copy_(torch.log(torch.tensor(spread)))
 
 
 class Hold(BaseCallback):
@@ -75,6 +88,7 @@ def train(args: WarmArgs) -> None:
     else:
         model = PPO("MlpPolicy", envs, **training.settings())
         begin_with(model, Network.load(args.start))
+        explore(model, args.spread)
     training.learn(model, [Hold(args.held)])
     envs.close()
 

@@ -21,6 +21,10 @@ from sph_gym.env import env_id
 from sph_gym.env.stable_baselines import TuningVecEnv
 
 FOLDER = Path(__file__).parent
+# The hyperparameter that isn't the algorithm's: the weight of a blow-up in the rewards of a
+# training, 1 unless a file says otherwise. One blow-up costs as much as a whole episode earns, and
+# so the value of a state is learned late; validations and evaluations count it in full.
+BLOWUP_WEIGHT = "blowup_weight"
 
 
 @dataclass
@@ -79,22 +83,26 @@ class Training:
         torch.set_num_threads(1)
         args = self.args
         envs = TuningVecEnv(
-            args.n_envs, scene=args.scene, instances="train", action_mode=self.action_mode
-        )
+            args.n_envs, scene=args.scene, instances="train", action_mode=self.action_mode,
+            reward_weights={"blowup": self._hyperparameters()[BLOWUP_WEIGHT]},
+        )  # fmt: skip
         envs.seed(args.seed)
         return envs
 
     def settings(self) -> dict[str, Any]:
         """Return the arguments of a new model; its learning rate falls linearly to zero."""
-        found = hyperparameters(self.algorithm, self.args.scene)
-        if self.trial is not None:
-            found = replaced(found, self.trial.settings)
+        found = self._hyperparameters()
+        del found[BLOWUP_WEIGHT]
         return found | {
             "learning_rate": linear(found["learning_rate"]),
             "tensorboard_log": str(self.folder / "tensorboard"),
             "seed": self.args.seed,
             "device": "cpu",
         }
+
+    def _hyperparameters(self) -> dict[str, Any]:
+        found = {BLOWUP_WEIGHT: 1.0} | hyperparameters(self.algorithm, self.args.scene)
+        return found if self.trial is None else replaced(found, self.trial.settings)
 
     def checkpoint(self) -> Path:
         """Return the newest complete checkpoint, which is a pickle.

@@ -83,6 +83,14 @@ def test_a_checkpoint_torn_within_one_of_its_archives_is_left_out(tmp_path):
     assert newest_checkpoint(tmp_path) == whole
 
 
+def test_hyperparameters_within_groups_are_replaced():
+    given = {"a": 1, "env": {"reward_weights": {"blowup": 1.0, "work": 2.0}}}
+    found = training.replaced(given, {"a": 2, "env.reward_weights.blowup": 0.5, "new.b": 3})
+    weights = {"blowup": 0.5, "work": 2.0}
+    assert found == {"a": 2, "env": {"reward_weights": weights}, "new": {"b": 3}}
+    assert given["env"]["reward_weights"]["blowup"] == 1.0
+
+
 def test_nothing_to_resume_is_said(tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing to resume"):
         newest_checkpoint(tmp_path)

@@ -82,8 +82,9 @@ class Validation:
     def _read(self) -> list[dict[str, Any]]:
         path = self.folder / "validation.csv"
         try:
-            rows: Any = pd.read_csv(path).to_dict("records")
-            return [row for row in rows if row[STEPS] >= 0 and row[RETURN] is not None]
+            table = pd.read_csv(path)
+            table[[STEPS, RETURN]].to_numpy(float)
+            return [dict(row) for row in table.to_dict("records")]
         except FileNotFoundError:
             return []
         except (ValueError, KeyError, TypeError) as error:

@@ -153,8 +153,8 @@ def _cross(ax: Axes, x: pd.Series, y: pd.Series, style: AgentStyle, blown: bool)
 
 def _cost_scales(panels: Sequence[Axes]) -> None:
     """Make both scales logarithmic, with equal work and the tolerance always in sight."""
-    lowest = min(panels[0].dataLim.y0, panels[1].dataLim.y0)
-    highest = max(panels[0].dataLim.y1, panels[1].dataLim.y1)
+    lowest = min(ax.dataLim.y0 for ax in panels)
+    highest = max(ax.dataLim.y1 for ax in panels)
     for ax in panels:
         ax.set_xscale("log", base=2)
         ax.xaxis.set_major_formatter(FuncFormatter(_fraction))
@@ -168,6 +168,44 @@ def _cost_scales(panels: Sequence[Axes]) -> None:
 
 def _fraction(x: float, _: int) -> str:
     return f"{x:g}" if x >= 1 else f"1/{1 / x:g}"
+
+
+def plot_profiles(runs: pd.DataFrame, path: Path) -> None:
+    """Plot the share of an agent's runs with a score above each level, one line an agent.
+
+    runs: one row a run, with agent and score, which is not a number where there is none.
+    """
+    scored, levels = runs[runs["score"].notna()], np.linspace(-0.5, 1.25, 141)
+    with _figure(path, 9.0, 5.0) as figure:
+        ax = figure.add_subplot()
+        for agent, own in scored.groupby("agent"):
+            style = style_of(str(agent))
+            share = (own["score"].to_numpy()[:, None] > levels).mean(axis=0)
+            ax.plot(levels, share, color=style.colour, ls=style.line, lw=style.width)
+        for level in (0.0, 1.0):
+            ax.axvline(level, color=INK, lw=1.0, ls="--", zorder=1)
+        ax.set(xlim=(levels[0], levels[-1]), ylim=(0.0, 1.02), ylabel="share of runs above it")
+        ax.set_xlabel("score (0: the tuned CFL rule, 1: the oracle)")
+        styles = [style_of(str(agent)) for agent in scored["agent"].unique()]
+        _legend(figure, [_handle(s.label, "", s.colour, ls=s.line, lw=s.width) for s in styles], 4)
+
+
+def plot_trades(runs: pd.DataFrame, path: Path) -> None:
+    """Plot mean work against the mean largest error, with 95 % intervals, one mark an agent.
+
+    runs: one row a run, with agent, return, work, error and blowup.
+    """
+    with _figure(path, 8.0, 5.6) as figure:
+        ax = figure.add_subplot()
+        for agent in _ranking(runs):
+            own = runs[runs["agent"] == agent]
+            _cross(ax, own["work"], own["error"], style_of(agent), bool(own["blowup"].any()))
+        ax.axhline(1.0, color=INK, lw=1.0, ls="--", zorder=1)
+        ax.set_xlabel("work / work of the tuned CFL rule")
+        ax.set_title("↙ better", loc="right", size=10, color=MUTED)
+        _cost_scales([ax])
+        handles = [_agent_handle(agent, runs) for agent in _ranking(runs)]
+        _legend(figure, [*handles, _handle("tolerance", "", INK, ls="--", lw=1.0)], 4)
 
 
 def plot_reward_terms(runs: pd.DataFrame, path: Path) -> None:

@@ -1,0 +1,221 @@
+"""The leaderboard: agents on fixed instances of all benchmark families, kept as one file an agent.
+
+What is played is kept and not played again. `--page` makes the tables and pictures of the page from
+the files alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from agents import board, entries, scores, zero_shot
+from agents.arguments import BackendArgs, option, parse
+from agents.entries import GAMES, Agent, Entry
+from agents.evaluate import Job, instance_ids, run_episodes
+from agents.policies import build
+from sph_gym.env.distributions import FAMILIES
+from sph_gym.env.instances import SIZES, SPACING
+from sph_gym.env.instances import parse as parse_instance
+from sph_gym.files import atomic_write
+from sph_gym.solver.checks import known, whole
+
+PAGE = Path(__file__).parents[1] / "docs" / "agents.md"
+BEGIN, END = "<!-- {name}: begin -->", "<!-- {name}: end -->"
+RULES = ("random", "default", "cfl", "tuned_cfl", "adaptive")
+
+
+@dataclass
+class LeaderboardArgs(BackendArgs):
+    """Arguments of the leaderboard: who plays, what is played, and where results are."""
+
+    agents: tuple[str, ...] = option("agents without training; lookahead is the oracle", RULES)
+    learner: str | None = option(
+        "play a learner instead: a name that begins with its algorithm, as ppo or ppo-small", None
+    )
+    networks: tuple[str, ...] = option(
+        "its networks, one a training; {family} in a name stands for each family", ()
+    )
+    trained_on: tuple[str, ...] = option("the families that it was trained on", GAMES)
+    families: tuple[str, ...] = option("families that are played", GAMES)
+    splits: tuple[str, ...] = option("sets that are played: val, test, ood", ("test",))
+    n_instances: int | None = option("of each family and set; by default all", None)
+    finer: tuple[int, ...] = option("play at dx divided by each of these, instead of dx", ())
+    verify: int = option(
+        "if sources have changed, replay so many runs a family and keep the rest if they agree", 0
+    )
+    results: Path = option("folder of the files", entries.FOLDER)
+    output: Path = option("folder of finished episodes", Path("runs/leaderboard"))
+    page: bool = option("only write the tables and pictures of docs/agents.md", False)
+
+
+def agents_of(args: LeaderboardArgs) -> list[Agent]:
+    """Return the agents that are to play. Raises ValueError for what can't."""
+    if args.learner is not None:
+        found = [entries.learner(args.learner, args.networks, args.trained_on)]
+    elif args.networks:
+        raise ValueError("networks: expected none without --learner")
+    else:
+        found = [entries.rule(name) for name in args.agents]
+    for agent in found:
+        for spec in agent.specs[GAMES[0]]:
+            build(spec, 0)
+    return found
+
+
+def ids_of(args: LeaderboardArgs) -> list[str]:
+    """Return the instances, the first of every family and set before the second of any.
+
+    Raises ValueError for names that don't exist and numbers outside of a set.
+    """
+    whole("verify", args.verify)
+    for family in args.families:
+        known("families", family, GAMES)
+    found = [
+        id_
+        for split in args.splits
+        for family in args.families
+        for id_ in instance_ids(family, known("splits", split, SIZES), _number(args, split))
+    ]
+    if args.finer:
+        found = [_finer(id_, whole("finer", n, at_least=2)) for n in args.finer for id_ in found]
+    return sorted(found, key=lambda id_: parse_instance(id_).number)
+
+
+def _number(args: LeaderboardArgs, split: str) -> int:
+    return SIZES[split] if args.n_instances is None else min(args.n_instances, SIZES[split])
+
+
+def _finer(id_: str, factor: int) -> str:
+    return f"{id_}/{SPACING}{FAMILIES[id_.split('/')[0]].dx / factor!r}"
+
+
+def play(args: LeaderboardArgs) -> list[Path]:
+    """Play what is missing and write the files of the agents; return their paths."""
+    agents, ids, backend = agents_of(args), ids_of(args), args.where()
+    kept = [kept_runs(agent, args) for agent in agents]
+    known_runs = [_keys(entry) for entry in kept]
+    jobs = [
+        (place, training, Job(spec, id_.split("/")[0], id_, parse_instance(id_).number))
+        for id_ in ids
+        for place, agent in enumerate(agents)
+        for training, spec in enumerate(agent.specs[id_.split("/")[0]])
+        if (training, id_) not in known_runs[place]
+    ]
+    rows = run_episodes([job for _, _, job in jobs], args.output, "leaderboard", backend)
+    played = pd.DataFrame(
+        [
+            {"place": place, "training": training, "instance": job.instance} | row
+            for (place, training, job), row in zip(jobs, rows, strict=True)
+        ],
+        columns=None if jobs else ["place", *entries.COLUMNS, entries.CLOCK],
+    )
+    return [
+        _write(agent, kept[place], played[played["place"] == place], args.results)
+        for place, agent in enumerate(agents)
+    ]
+
+
+def _write(agent: Agent, kept: Entry | None, played: pd.DataFrame, folder: Path) -> Path:
+    path = entries.path_of(agent.name, folder)
+    if kept is None:
+        return entries.write(entries.make(agent, played), folder)
+    if played.empty:
+        return entries.write(kept, folder)
+    return entries.write(entries.make(agent, pd.concat([kept.runs, played])), path.parent)
+
+
+def _keys(entry: Entry | None) -> set[tuple[int, str]]:
+    if entry is None:
+        return set()
+    return set(zip(entry.runs["training"], entry.runs["instance"], strict=True))
+
+
+# --- What is kept ---------------------------------------------------------------------------
+
+
+def kept_runs(agent: Agent, args: LeaderboardArgs) -> Entry | None:
+    """Return what the file of an agent holds, None if it was made with anything else.
+
+    With other sources it holds if some of its runs come out the same, digit by digit.
+    """
+    path = entries.path_of(agent.name, args.results)
+    if not path.exists():
+        return None
+    entry = entries.read(path)
+    about = entry.about
+    if about["networks"] != agent.networks or about["manifests"] != entries.manifests():
+        print(f"{agent.name}: other networks or flows than in {path}, all is played anew")
+        return None
+    if about["sources"] == entries.sources():
+        return entry
+    if not args.verify:
+        print(f"{agent.name}: other sources than in {path}, all is played anew (see --verify)")
+        return None
+    if differing := verify(agent, entry, args):
+        print(f"{agent.name}: {differing} come out otherwise than in {path}, all is played anew")
+        return None
+    return Entry({**about, "sources": entries.sources()}, entry.runs)
+
+
+def verify(agent: Agent, entry: Entry, args: LeaderboardArgs) -> list[str]:
+    """Replay some runs of every family; return the instances whose numbers differ."""
+    families = entry.runs["instance"].str.split("/").str[0]
+    chosen = entry.runs.groupby(families).head(args.verify)
+    jobs = []
+    for row in chosen.itertuples():
+        family, number = row.instance.split("/")[0], parse_instance(row.instance).number
+        jobs.append(Job(agent.specs[family][row.training], family, row.instance, number))
+    rows = run_episodes(jobs, args.output, f"verify {agent.name}", args.where())
+    again = chosen.assign(**{name: [row[name] for row in rows] for name in entries.MEASURED})
+    return [
+        old.instance
+        for old, new in zip(chosen.itertuples(), again.itertuples(), strict=True)
+        if entries.shortened(old[1:]) != entries.shortened(new[1:])
+    ]
+
+
+# --- The page -------------------------------------------------------------------------------
+
+
+def texts(found: Sequence[Entry]) -> dict[str, str]:
+    """Return what stands between the marks of the page, by their names."""
+    runs = scores.runs_of(found)
+    return {"leaderboard": board.text(found, runs), "zero-shot": zero_shot.text(found, runs)}
+
+
+def filled(page: str, blocks: dict[str, Any]) -> str:
+    """Return a page with new texts between its marks. Raises ValueError for marks it hasn't."""
+    for name, text in blocks.items():
+        begin, end = BEGIN.format(name=name), END.format(name=name)
+        if page.count(begin) != 1 or page.count(end) != 1:
+            raise ValueError(f"page: expected one {begin} and one {end}")
+        before, rest = page.split(begin)
+        page = f"{before}{begin}\n{text}\n{end}{rest.split(end)[1]}"
+    return page
+
+
+def write_page(folder: Path, page: Path = PAGE) -> None:
+    """Write tables into the page, and the pictures beside it."""
+    found = entries.read_all(folder)
+    text = filled(page.read_text(encoding="utf-8"), texts(found))
+    board.draw(scores.runs_of(found), page.parent / "pictures")
+    with atomic_write(page) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def main(args: LeaderboardArgs) -> None:
+    """Do what the arguments ask for."""
+    if args.page:
+        write_page(args.results)
+        print(f"written: {PAGE}")
+        return
+    for path in play(args):
+        print(f"results: {path}")
+    board.show(entries.read_all(args.results), args.splits)
+
+
+if __name__ == "__main__":
+    main(parse(LeaderboardArgs, __doc__))

@@ -1,0 +1,132 @@
+"""Statistics of the leaderboard: scores, their intervals, profiles, improvement, hypervolume.
+
+The score of a run is 0 where it earns as much as the tuned rule on the same instance and 1 where it
+earns as much as the oracle. Where the two are closer than GAP, what is between them is mostly
+chance, and the instance has no score; all other measures count it.
+
+Intervals are stratified bootstraps: families are strata, in each of which instances are drawn with
+replacement; trainings are drawn once for all families.
+
+Source: Agarwal et al. 2021, "Deep reinforcement learning at the edge of the statistical precipice".
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from agents.entries import Entry
+from sph_gym.env import instances
+from sph_gym.studies.averages import interquartile_mean
+
+RULE, ORACLE = "tuned_cfl", "lookahead"
+# Of mean reward a step between rule and oracle: the least for which an instance has a score.
+GAP = 0.05
+REPLICAS, LEVEL = 2000, 0.95
+# Returns that differ by less are equal: files keep so many digits.
+EQUAL = 1e-8
+# Work and error, in multiples of the rule's and of the tolerance, from which hypervolumes are
+# taken: as dear or as wrong as that counts nothing.
+WORST = (2.0, 2.0)
+
+Values = NDArray[np.float64]
+Interval = tuple[float, float, float]
+
+
+def runs_of(entries: Sequence[Entry]) -> pd.DataFrame:
+    """Return the runs of all entries, with agent, family, split, shift, finer, and their score.
+
+    finer: True at another spacing than the usual one; score: not a number without rule or oracle.
+    """
+    runs = pd.concat([each.runs.assign(agent=each.agent) for each in entries], ignore_index=True)
+    ids = pd.Series({id_: instances.parse(id_) for id_ in runs["instance"].unique()})
+    found = runs["instance"].map(ids)
+    runs["family"] = [each.scene for each in found]
+    runs["split"] = [each.split for each in found]
+    runs["finer"] = runs["instance"].str.contains(instances.SPACING)
+    runs["shift"] = [instances.shift(id_) for id_ in runs["instance"]]
+    runs["gain"] = runs["return"] - runs["instance"].map(returns_of(runs, RULE))
+    gap = returns_of(runs, ORACLE) - returns_of(runs, RULE)
+    runs["score"] = runs["gain"] / runs["instance"].map(gap.where(gap >= GAP))
+    return runs
+
+
+def returns_of(runs: pd.DataFrame, agent: str) -> pd.Series:
+    """Return the returns of an agent by instance, means over its trainings."""
+    return runs[runs["agent"] == agent].groupby("instance")["return"].mean()
+
+
+def tables_by_family(runs: pd.DataFrame, measure: str) -> list[Values]:
+    """Return (n_trainings, n_instances) of one agent for each family.
+
+    Instances without a value, or that a training hasn't played, are left out.
+    """
+    tables = []
+    for _, own in runs.groupby("family", sort=True):
+        table = own.pivot(index="training", columns="instance", values=measure).dropna(axis=1)
+        if table.size:
+            tables.append(table.to_numpy(float))
+    return tables
+
+
+def pooled(tables: Sequence[Values]) -> Values:
+    """Return all values of all families, (n,)."""
+    return np.concatenate([np.empty(0), *(each.ravel() for each in tables)])
+
+
+def mean(values: Values) -> float:
+    """Return the mean, not a number without values."""
+    return float(values.mean()) if len(values) else np.nan
+
+
+def interval(
+    tables: Sequence[Values], statistic: Callable[[Values], float] = interquartile_mean
+) -> Interval:
+    """Return a statistic of all values, and the ends of its 95 % interval.
+
+    tables: (n_trainings, n_instances) of each family; families may differ in their instances, and
+    all have the same trainings. Not a number without values.
+    """
+    if not tables:
+        return np.nan, np.nan, np.nan
+    rng, n_trainings = np.random.default_rng(0), min(map(len, tables))
+    drawn = [
+        statistic(_drawn_anew(tables, rng, rng.integers(n_trainings, size=n_trainings)))
+        for _ in range(REPLICAS)
+    ]
+    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return statistic(pooled(tables)), float(low), float(high)
+
+
+def _drawn_anew(
+    tables: Sequence[Values], rng: np.random.Generator, trainings: NDArray[np.int64]
+) -> Values:
+    return pooled(
+        [table[trainings][:, rng.integers(table.shape[1], size=table.shape[1])] for table in tables]
+    )
+
+
+def chances(runs: pd.DataFrame, agent: str, other: str) -> list[Values]:
+    """Return how often an agent earns more than another one on the same instance.
+
+    (n_trainings, n_instances) of each family: the share of the other's trainings that each of the
+    agent's beats; equal returns count half. Their mean is the probability of improvement.
+    """
+    ours, theirs = (runs[runs["agent"] == name] for name in (agent, other))
+    pairs = ours.merge(theirs, on=["family", "instance"], suffixes=("", "_other"))
+    ahead = pairs["return"] - pairs["return_other"]
+    pairs["better"] = np.where(ahead.abs() < EQUAL, 0.5, ahead > 0)
+    means = pairs.groupby(["family", "training", "instance"], as_index=False)["better"].mean()
+    return tables_by_family(means, "better")
+
+
+def hypervolume(work: Values, error: Values) -> Values:
+    """Return the share of all trades of work against error that each run is at least as good as.
+
+    It is the area between a run and WORST, over that between nothing and WORST.
+    """
+    sides = [
+        np.clip(1 - each / worst, 0, 1) for each, worst in zip((work, error), WORST, strict=True)
+    ]
+    return np.asarray(sides[0] * sides[1])

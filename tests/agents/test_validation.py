@@ -1,4 +1,4 @@
-"""Validations during a training: which episodes, what is kept, and what a resumed one takes over."""
+"""Validations during a training: which episodes, what is kept, what a resumed one takes over."""
 
 import pandas as pd
 import pytest

@@ -19,8 +19,8 @@ class Teacher(NamedTuple):
     """A policy that answers for the states that a learner visits.
 
     dear: it plans to the end of the episode, so that one plan has to answer for many states: it
-    takes over from the learner in the middle of the episode, and answers from there on. Others
-    answer for every state, and the learner plays the whole episode.
+    takes over at one of the states that the learner visited, and answers from there on. Others
+    answer for every state of the learner's episode.
     """
 
     make: Callable[[], Policy]
@@ -39,7 +39,7 @@ class Lesson(NamedTuple):
     """An episode with a teacher.
 
     teacher: one of TEACHERS; learner: file of a network, None for an episode of the teacher's own;
-    instance: what is played; seed: of the step at which a dear teacher takes over.
+    instance: what is played; seed: of the state at which a dear teacher takes over.
     """
 
     teacher: str
@@ -49,23 +49,37 @@ class Lesson(NamedTuple):
 
 
 def take(teacher: str, learner: str | None, instance: str, seed: int) -> dict[str, Any]:
-    """Play a lesson; return observations, actions of the teacher for them, and the mean return.
+    """Play a lesson; return observations, and the actions that the teacher answers with.
 
-    Both are lists of lists, rounded, as JSON has them; the return counts per planned step.
+    Both are lists of lists, rounded, as JSON has them.
     """
     guide, dear = TEACHERS[teacher].make(), TEACHERS[teacher].dear
     env = TuningEnv(instance.split("/")[0])
     observation, _ = env.reset(options={"instance": instance})
     pupil = None if learner is None else play_network(Network.load(learner))
-    switch = int(np.random.default_rng(seed).integers(env.n_steps)) if dear else env.n_steps
-    seen, answers, earned = [], [], 0.0
+    if pupil is not None and dear:
+        observation, pupil = visit(env, pupil, observation, seed), None
+    seen, answers = list[Any](), list[Any]()
     while not env.episode.over:
-        alone = pupil is not None and env.episode.step < switch
-        answer = None if alone and dear else guide(env, observation)
-        if answer is not None:
-            seen.append(np.round(observation.astype(float), DIGITS).tolist())
-            answers.append(np.round(np.asarray(answer, float), DIGITS).tolist())
-        action = pupil(env, observation) if pupil is not None and alone else answer
-        observation, reward, *_ = env.step(action)
-        earned += float(reward)
-    return {"observations": seen, "actions": answers, "return": earned / env.n_steps}
+        answer = guide(env, observation)
+        for kept, numbers in ((seen, observation), (answers, answer)):
+            kept.append(np.round(np.asarray(numbers, float), DIGITS).tolist())
+        observation, *_ = env.step(answer if pupil is None else pupil(env, observation))
+    return {"observations": seen, "actions": answers}
+
+
+def visit(env: TuningEnv, pupil: Policy, observation: Any, seed: int) -> Any:
+    """Let a learner play an episode, and go back to one of the states that it visited.
+
+    Returns the observation of that state. All of them have the same chance, also those that lead
+    to a blow-up.
+    """
+    rng, episode, visited = np.random.default_rng(seed), env.episode, 0
+    kept = episode.state()
+    while not episode.over:
+        visited += 1
+        if rng.random() * visited < 1.0:
+            kept = episode.state()
+        observation, *_ = env.step(pupil(env, observation))
+    episode.restore(kept)
+    return episode.observe()

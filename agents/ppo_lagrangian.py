@@ -20,6 +20,8 @@ class Priced(VecEnvWrapper):
 
     def __init__(self, venv: Any) -> None:
         super().__init__(venv)
+        # what the reward charges for each of them
+        self._charge = WORST * venv.get_attr("rules")[0].weights["blowup"]
         self.price, self.costs = 0.0, list[float]()
 
     def reset(self) -> Any:
@@ -29,7 +31,7 @@ class Priced(VecEnvWrapper):
     def step_wait(self) -> Any:
         """Return observations, rewards less the price of the costs, dones and infos."""
         observations, rewards, dones, infos = self.venv.step_wait()
-        costs = [max(info["cost"], -info["reward_blowup"] / WORST) for info in infos]
+        costs = [max(info["cost"], -info["reward_blowup"] / self._charge) for info in infos]
         self.costs += costs
         charges: Any = np.array(costs, np.float32) * np.float32(self.price)
         return observations, rewards - charges, dones, infos

@@ -1,5 +1,6 @@
 """Shared parts of all trainings: arguments, environments, checkpoints, interruption, export."""
 
+import copy
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,10 +22,6 @@ from sph_gym.env import env_id
 from sph_gym.env.stable_baselines import TuningVecEnv
 
 FOLDER = Path(__file__).parent
-# The hyperparameter that isn't the algorithm's: the weight of a blow-up in the rewards of a
-# training, 1 unless a file says otherwise. One blow-up costs as much as a whole episode earns, and
-# so the value of a state is learned late; validations and evaluations count it in full.
-BLOWUP_WEIGHT = "blowup_weight"
 
 
 @dataclass
@@ -49,7 +46,7 @@ class TrainingArgs:
 class Trial(NamedTuple):
     """A training that is one of many, to find hyperparameters.
 
-    settings: hyperparameters instead of those of the YAML file, those within a group as
+    settings: hyperparameters instead of those of the YAML file, those within groups as
     "group.name"; report: is told steps and mean return of every validation, and may raise to end
     the training.
     """
@@ -83,26 +80,30 @@ class Training:
         torch.set_num_threads(1)
         args = self.args
         envs = TuningVecEnv(
-            args.n_envs, scene=args.scene, instances="train", action_mode=self.action_mode,
-            reward_weights={"blowup": self._hyperparameters()[BLOWUP_WEIGHT]},
-        )  # fmt: skip
+            args.n_envs,
+            scene=args.scene,
+            instances="train",
+            action_mode=self.action_mode,
+            **self.hyperparameters().get("env", {}),
+        )
         envs.seed(args.seed)
         return envs
 
+    def hyperparameters(self) -> dict[str, Any]:
+        """Return those of the YAML file, or of the trial; "env" has those of the environments."""
+        found = hyperparameters(self.algorithm, self.args.scene)
+        return found if self.trial is None else replaced(found, self.trial.settings)
+
     def settings(self) -> dict[str, Any]:
         """Return the arguments of a new model; its learning rate falls linearly to zero."""
-        found = self._hyperparameters()
-        del found[BLOWUP_WEIGHT]
+        found = self.hyperparameters()
+        found.pop("env", None)
         return found | {
             "learning_rate": linear(found["learning_rate"]),
             "tensorboard_log": str(self.folder / "tensorboard"),
             "seed": self.args.seed,
             "device": "cpu",
         }
-
-    def _hyperparameters(self) -> dict[str, Any]:
-        found = {BLOWUP_WEIGHT: 1.0} | hyperparameters(self.algorithm, self.args.scene)
-        return found if self.trial is None else replaced(found, self.trial.settings)
 
     def checkpoint(self) -> Path:
         """Return the newest complete checkpoint, which is a pickle.
@@ -153,9 +154,9 @@ class Training:
         """Copy the network into the package, and the model that it was made of beside this file."""
         target = shipped_network(self.algorithm, self.args.scene)
         origin = FOLDER / "trained" / f"{target.stem}.zip"
-        for source, copy in ((network, target), (model, origin)):
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, copy)
+        for source, place in ((network, target), (model, origin)):
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, place)
         print(f"shipped: {target}")
 
     def _callbacks(self, validation: Validation) -> list[BaseCallback]:
@@ -177,10 +178,13 @@ def hyperparameters(algorithm: str, scene: str) -> dict[str, Any]:
 
 def replaced(settings: dict[str, Any], others: dict[str, Any]) -> dict[str, Any]:
     """Return settings with others in their place; "group.name" is one within a group."""
-    found = dict(settings)
+    found = copy.deepcopy(settings)
     for name, value in others.items():
-        group, _, part = name.rpartition(".")
-        found |= {group: found.get(group, {}) | {part: value}} if group else {part: value}
+        *groups, last = name.split(".")
+        place = found
+        for group in groups:
+            place = place.setdefault(group, {})
+        place[last] = value
     return found
 
 

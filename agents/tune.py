@@ -7,6 +7,7 @@ for hyperparams/ALGORITHM.yml.
 """
 
 from dataclasses import dataclass
+from functools import reduce
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -92,14 +93,10 @@ def open_study(args: TuneArgs) -> optuna.Study:
 
 
 def present(args: TuneArgs) -> dict[str, Any]:
-    """Return the values that the YAML file has of what is tried."""
-    found, kept = hyperparameters(args.algorithm, args.scene), {}
-    for name in spaces()[args.algorithm]:
-        group, _, part = name.rpartition(".")
-        values = found.get(group, {}) if group else found
-        if part in values:
-            kept[name] = values[part]
-    return kept
+    """Return the values that the YAML file has of what is tried. KeyError for one it lacks."""
+    found = hyperparameters(args.algorithm, args.scene)
+    names = spaces()[args.algorithm]
+    return {name: reduce(lambda place, part: place[part], name.split("."), found) for name in names}
 
 
 def run_trial(args: TuneArgs, trial: optuna.Trial) -> float:

@@ -82,8 +82,9 @@ class Validation:
     def _read(self) -> list[dict[str, Any]]:
         path = self.folder / "validation.csv"
         try:
-            rows: Any = pd.read_csv(path).to_dict("records")
-            return [row for row in rows if row[STEPS] >= 0 and row[RETURN] is not None]
+            table = pd.read_csv(path)
+            table[[STEPS, RETURN]].to_numpy(float)
+            return [dict(row) for row in table.to_dict("records")]
         except FileNotFoundError:
             return []
         except (ValueError, KeyError, TypeError) as error:
@@ -92,7 +93,7 @@ class Validation:
 
 
 class ValidationCallback(BaseCallback):
-    """Validates a model of Stable-Baselines3 every so many of its calls.
+    """Validates a model of Stable-Baselines3 every so many of its calls, and at the end.
 
     every: calls, of one step of all environments each; export: makes a plain network of the model;
     report: is told the steps and the mean return. Keeps best_model.zip beside the best network.
@@ -110,8 +111,16 @@ class ValidationCallback(BaseCallback):
         self._export, self._report = export, report
 
     def _on_step(self) -> bool:
-        if self.n_calls % self._every:
-            return True
+        if self.n_calls % self._every == 0:
+            self._validate()
+        return True
+
+    def _on_training_end(self) -> None:
+        curve = self._validation.curve
+        if not curve or curve[-1][STEPS] < self.num_timesteps:
+            self._validate()
+
+    def _validate(self) -> None:
         network = checked_export(self.model, self._export)
         if self._validation.judge(network, self.num_timesteps):
             self.model.save(self._validation.folder / "best_model")
@@ -122,4 +131,3 @@ class ValidationCallback(BaseCallback):
         self.logger.dump(self.num_timesteps)
         if self._report is not None:
             self._report(self.num_timesteps, row[RETURN])
-        return True

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ class Greedy(gym.Env):
 
     observation_space = gym.spaces.Box(0.0, 1.0, (1,), np.float32)
     action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
-    blowup = 0.0
+    blowup, rules = 0.0, SimpleNamespace(weights={"blowup": 0.5})
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -47,7 +49,7 @@ def test_the_price_is_charged_for_steps_out_of_tolerance():
 
 
 def test_a_blow_up_costs_all_steps_that_are_left(monkeypatch):
-    monkeypatch.setattr(Greedy, "blowup", -8.0)
+    monkeypatch.setattr(Greedy, "blowup", -4.0)
     envs = Priced(DummyVecEnv([Greedy]))
     envs.reset()
     envs.step(np.array([[0.5]]))

@@ -19,8 +19,10 @@ from sph_gym.env import env_id
 
 @pytest.fixture
 def small(monkeypatch):
+    ppo = {"n_steps": 32, "batch_size": 32, "n_epochs": 1}
     settings = {
-        "ppo": {"n_steps": 32, "batch_size": 32, "n_epochs": 1},
+        "ppo": ppo | {"env": {"reward_weights": {"blowup": 0.1}}},
+        "ppo_lagrangian": ppo,
         "sac": {"learning_starts": 20, "batch_size": 16, "buffer_size": 200},
         "dqn": {"learning_starts": 20, "batch_size": 16, "buffer_size": 200},
     }
@@ -32,8 +34,7 @@ def small(monkeypatch):
     monkeypatch.setattr(training, "hyperparameters", look_up)
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "dqn"])
-@pytest.mark.filterwarnings("ignore:Training and eval env are not of the same type")
+@pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "sac", "dqn"])
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore:rich is experimental")
 def test_train_export_resume(tmp_path, small, algorithm):
@@ -57,9 +58,9 @@ def test_train_export_resume(tmp_path, small, algorithm):
     train(arguments)
     assert newest_checkpoint(path).exists()
     assert list((path / "tensorboard").rglob("events*"))
-    # one a run of 64 and of 32 steps, since the second goes on with the curve of the first
+    # the second run goes on with the curve of the first, and validates at its end
     curve = pd.read_csv(path / "validation.csv")
-    assert curve["steps"].tolist() == [64]
+    assert curve["steps"].tolist() == [64, 96]
     assert curve["relaxation"].equals(curve["return"])
 
 
@@ -83,12 +84,20 @@ def test_a_checkpoint_torn_within_one_of_its_archives_is_left_out(tmp_path):
     assert newest_checkpoint(tmp_path) == whole
 
 
+def test_hyperparameters_within_groups_are_replaced():
+    given = {"a": 1, "env": {"reward_weights": {"blowup": 1.0, "work": 2.0}}}
+    found = training.replaced(given, {"a": 2, "env.reward_weights.blowup": 0.5, "new.b": 3})
+    weights = {"blowup": 0.5, "work": 2.0}
+    assert found == {"a": 2, "env": {"reward_weights": weights}, "new": {"b": 3}}
+    assert given["env"]["reward_weights"]["blowup"] == 1.0
+
+
 def test_nothing_to_resume_is_said(tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing to resume"):
         newest_checkpoint(tmp_path)
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "dqn"])
+@pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "ppo_warm", "sac", "dqn"])
 def test_hyperparameters_fall_back_to_the_default(algorithm):
     named = training.hyperparameters(algorithm, "dam_break")
     assert set(training.hyperparameters(algorithm, "relaxation")) == set(named)

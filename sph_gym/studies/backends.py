@@ -30,8 +30,9 @@ Submit = Callable[..., "Future[Any]"]
 class Backend(NamedTuple):
     """Where jobs run.
 
-    name: one of NAMES; address: of a running cluster of Ray or Dask, None to start one on this
-    machine for as long as the jobs take; workers: of what is started, None for one a processor.
+    name: one of NAMES; address: of a running cluster of Ray or Dask, or the .json file that a
+    scheduler of Dask has written; None to start one on this machine for as long as the jobs take;
+    workers: of what is started, None for one a processor.
     """
 
     name: str = "local"
@@ -157,7 +158,8 @@ def _dask(address: str | None, n_workers: int) -> Iterator[Submit]:
     with needs_extra("cluster"):
         from distributed import Client
     if address is not None:
-        options: dict[str, Any] = {"address": address}
+        is_file = address.endswith(".json")
+        options: dict[str, Any] = {"scheduler_file" if is_file else "address": address}
     else:
         # without a page of its state, and without a limit of memory that none of our jobs reaches
         options = {"n_workers": n_workers, "threads_per_worker": 1, "memory_limit": 0}
@@ -174,7 +176,7 @@ def _ray(address: str | None, n_workers: int) -> Iterator[Submit]:
     if address is not None:
         options: dict[str, Any] = {"address": address}
     else:
-        options = {"num_cpus": n_workers, "include_dashboard": False}
+        options = {"address": "local", "num_cpus": n_workers, "include_dashboard": False}
         options |= {"object_store_memory": OBJECT_STORE}
     ray.init(**options, configure_logging=False, log_to_driver=False)
     job = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_call)

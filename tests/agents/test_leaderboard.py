@@ -309,7 +309,7 @@ def test_an_episode_has_all_that_is_kept():
     agent = Agent("tuned_cfl", {"dam_break": (Spec("tuned_cfl"),)})
     runs = pd.DataFrame([{"training": 0, "instance": "dam_break/test/0"} | row])
     found = entries.make(agent, runs)
-    assert found.runs["work"][0] == pytest.approx(1.0)
+    assert found.runs["work"][0] == pytest.approx(1.0, abs=0.02)
     assert 0 < found.runs["error"][0] < 1
     assert found.about["policy_microseconds"] > 0
 

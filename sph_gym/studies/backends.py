@@ -23,6 +23,10 @@ ATTEMPTS = 3
 # Ray's store of objects [bytes]: jobs and their results are small.
 OBJECT_STORE = 80 * 2**20
 
+# Ray reports its use to its makers, and makes its workers so nice that on a machine with other work
+# they come to nothing.
+RAY_SETTINGS = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_worker_niceness": "0"}
+
 # (function, *arguments) -> the future of what it returns
 Submit = Callable[..., "Future[Any]"]
 
@@ -170,7 +174,8 @@ def _dask(address: str | None, n_workers: int) -> Iterator[Submit]:
 
 @contextmanager
 def _ray(address: str | None, n_workers: int) -> Iterator[Submit]:
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    for name, value in RAY_SETTINGS.items():
+        os.environ.setdefault(name, value)
     with needs_extra("cluster"):
         import ray
     if address is not None:

@@ -11,7 +11,7 @@ import pytest
 
 from agents.evaluate import evaluate
 from agents.policies import Spec
-from sph_gym.studies.backends import OBJECT_STORE, Backend
+from sph_gym.studies.backends import OBJECT_STORE, RAY_SETTINGS, Backend
 from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
 from tests.studies.test_jobs import fragile, square
@@ -27,7 +27,7 @@ pytestmark = [
 def ray_cluster():
     """Yield a Ray cluster of two nodes with a processor each."""
     pytest.importorskip("ray")
-    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    os.environ |= RAY_SETTINGS
     from ray.cluster_utils import Cluster
 
     node = {"num_cpus": 1, "object_store_memory": OBJECT_STORE, "include_dashboard": False}

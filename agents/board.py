@@ -117,11 +117,11 @@ def _behind(found: Sequence[Entry]) -> str:
 
 
 def ranged(found: Interval, digits: int = 2) -> str:
-    """Return a value with its interval as text, a dash if there is none."""
+    """Return a value as text, with its interval if it has one; a dash if there is no value."""
+    value, low, high = (f"{number:.{digits}f}" for number in found)
     if np.isnan(found[0]):
         return DASH
-    value, low, high = (f"{number:.{digits}f}" for number in found)
-    return f"{value} [{low}, {high}]"
+    return value if np.isnan(found[1]) else f"{value} [{low}, {high}]"
 
 
 def percent(found: Interval) -> str:

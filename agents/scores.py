@@ -5,7 +5,8 @@ earns as much as the oracle. Where the two are closer than GAP, what is between 
 chance, and the instance has no score; all other measures count it.
 
 Intervals are stratified bootstraps: families are strata, in each of which instances are drawn with
-replacement; trainings are drawn once for all families.
+replacement; trainings are drawn once for all families. Families with few instances are one stratum,
+since a handful says too little of how much instances differ.
 
 Source: Agarwal et al. 2021, "Deep reinforcement learning at the edge of the statistical precipice".
 """
@@ -24,6 +25,8 @@ RULE, ORACLE = "tuned_cfl", "lookahead"
 # Of mean reward a step between rule and oracle: the least for which an instance has a score.
 GAP = 0.05
 REPLICAS, LEVEL = 2000, 0.95
+# Instances that make a family a stratum of its own.
+FEW = 5
 # Returns that differ by less are equal: files keep so many digits.
 EQUAL = 1e-8
 # Work and error, in multiples of the rule's and of the tolerance, from which hypervolumes are
@@ -91,19 +94,28 @@ def interval(
     """Return a statistic of all values, and the ends of its 95 % interval.
 
     tables: (n_trainings, n_instances) of each family; families may differ in their instances, and
-    all have the same trainings. Not a number without values.
+    all have the same trainings. Not a number without values; a single instance has no interval.
     """
     if not tables:
         return np.nan, np.nan, np.nan
-    rng, n_trainings = np.random.default_rng(0), min(map(len, tables))
+    value, n_trainings = float(statistic(pooled(tables))), len(tables[0])
+    if sum(table.shape[1] for table in tables) == 1:
+        return value, np.nan, np.nan
+    rng = np.random.default_rng(0)
     trainings = rng.integers(n_trainings, size=(REPLICAS, n_trainings, 1))
     drawn = []
-    for table in tables:
+    for table in _strata(tables):
         columns = rng.integers(table.shape[1], size=(REPLICAS, 1, table.shape[1]))
         drawn.append(table[trainings, columns].reshape(REPLICAS, -1))
     replicas = statistic(np.concatenate(drawn, axis=1))
     low, high = np.quantile(replicas, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return float(statistic(pooled(tables))), float(low), float(high)
+    return value, float(low), float(high)
+
+
+def _strata(tables: Sequence[Values]) -> list[Values]:
+    few = [table for table in tables if table.shape[1] < FEW]
+    strata = [table for table in tables if table.shape[1] >= FEW]
+    return [*strata, np.concatenate(few, axis=1)] if few else strata
 
 
 def chances(runs: pd.DataFrame, agent: str, other: str) -> list[Values]:

@@ -98,6 +98,16 @@ def test_families_are_strata():
     assert scores.interval(tables, scores.mean) == (2.5, 2.5, 2.5)
 
 
+def test_a_few_instances_are_no_certainty():
+    alone = [np.array([[float(k)]]) for k in range(6)]
+    value, low, high = scores.interval(alone, scores.mean)
+    assert low < value - 0.5 < value + 0.5 < high
+    assert board.ranged(scores.interval(alone[:1], scores.mean)) == "0.00"
+    # those of one family don't widen what others tell
+    many = [np.zeros((1, 50)), *alone]
+    assert scores.interval(many, scores.mean)[2] < 0.6
+
+
 def test_the_probability_of_improvement():
     mixed = entry(
         "sac",

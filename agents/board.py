@@ -88,10 +88,14 @@ def improvements(runs: pd.DataFrame) -> pd.DataFrame:
     for agent in agents:
         row = {"agent": style_of(agent).label}
         for other in agents:
-            chance = scores.mean(scores.pooled(scores.chances(runs, agent, other)))
-            row[style_of(other).label] = DASH if agent == other else f"{100 * chance:.0f}"
+            found = scores.chances(runs, agent, other) if agent != other else []
+            row[style_of(other).label] = _chance(found)
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def _chance(found: list[scores.Values]) -> str:
+    return f"{100 * scores.mean(scores.pooled(found)):.0f}" if found else DASH
 
 
 def _scored(runs: pd.DataFrame) -> str:
@@ -113,11 +117,11 @@ def _behind(found: Sequence[Entry]) -> str:
 
 
 def ranged(found: Interval, digits: int = 2) -> str:
-    """Return a value with its interval as text, a dash if there is none."""
+    """Return a value as text, with its interval if it has one; a dash if there is no value."""
+    value, low, high = (f"{number:.{digits}f}" for number in found)
     if np.isnan(found[0]):
         return DASH
-    value, low, high = (f"{number:.{digits}f}" for number in found)
-    return f"{value} [{low}, {high}]"
+    return value if np.isnan(found[1]) else f"{value} [{low}, {high}]"
 
 
 def percent(found: Interval) -> str:

@@ -5,7 +5,8 @@ earns as much as the oracle. Where the two are closer than GAP, what is between 
 chance, and the instance has no score; all other measures count it.
 
 Intervals are stratified bootstraps: families are strata, in each of which instances are drawn with
-replacement; trainings are drawn once for all families.
+replacement; trainings are drawn once for all families. Families with few instances are one stratum,
+since a handful says too little of how much instances differ.
 
 Source: Agarwal et al. 2021, "Deep reinforcement learning at the edge of the statistical precipice".
 """
@@ -15,15 +16,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.stats import trim_mean
 
 from agents.entries import Entry
 from sph_gym.env import instances
-from sph_gym.studies.averages import interquartile_mean
 
 RULE, ORACLE = "tuned_cfl", "lookahead"
 # Of mean reward a step between rule and oracle: the least for which an instance has a score.
 GAP = 0.05
 REPLICAS, LEVEL = 2000, 0.95
+# Instances that make a family a stratum of its own.
+FEW = 5
 # Returns that differ by less are equal: files keep so many digits.
 EQUAL = 1e-8
 # Work and error, in multiples of the rule's and of the tolerance, from which hypervolumes are
@@ -70,41 +73,49 @@ def tables_by_family(runs: pd.DataFrame, measure: str) -> list[Values]:
     return tables
 
 
+def interquartile_mean(values: Values) -> Values:
+    """Return the mean without the lowest and the highest quarter, along the last axis."""
+    return np.asarray(trim_mean(values, 0.25, axis=-1))
+
+
+def mean(values: Values) -> Values:
+    """Return the mean along the last axis."""
+    return np.asarray(values.mean(axis=-1))
+
+
 def pooled(tables: Sequence[Values]) -> Values:
     """Return all values of all families, (n,)."""
-    return np.concatenate([np.empty(0), *(each.ravel() for each in tables)])
-
-
-def mean(values: Values) -> float:
-    """Return the mean, not a number without values."""
-    return float(values.mean()) if len(values) else np.nan
+    return np.concatenate([each.ravel() for each in tables])
 
 
 def interval(
-    tables: Sequence[Values], statistic: Callable[[Values], float] = interquartile_mean
+    tables: Sequence[Values], statistic: Callable[[Values], Values] = interquartile_mean
 ) -> Interval:
     """Return a statistic of all values, and the ends of its 95 % interval.
 
     tables: (n_trainings, n_instances) of each family; families may differ in their instances, and
-    all have the same trainings. Not a number without values.
+    all have the same trainings. Not a number without values; a single instance has no interval.
     """
     if not tables:
         return np.nan, np.nan, np.nan
-    rng, n_trainings = np.random.default_rng(0), min(map(len, tables))
-    drawn = [
-        statistic(_drawn_anew(tables, rng, rng.integers(n_trainings, size=n_trainings)))
-        for _ in range(REPLICAS)
-    ]
-    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return statistic(pooled(tables)), float(low), float(high)
+    value, n_trainings = float(statistic(pooled(tables))), len(tables[0])
+    if sum(table.shape[1] for table in tables) == 1:
+        return value, np.nan, np.nan
+    rng = np.random.default_rng(0)
+    trainings = rng.integers(n_trainings, size=(REPLICAS, n_trainings, 1))
+    drawn = []
+    for table in _strata(tables):
+        columns = rng.integers(table.shape[1], size=(REPLICAS, 1, table.shape[1]))
+        drawn.append(table[trainings, columns].reshape(REPLICAS, -1))
+    replicas = statistic(np.concatenate(drawn, axis=1))
+    low, high = np.quantile(replicas, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return value, float(low), float(high)
 
 
-def _drawn_anew(
-    tables: Sequence[Values], rng: np.random.Generator, trainings: NDArray[np.int64]
-) -> Values:
-    return pooled(
-        [table[trainings][:, rng.integers(table.shape[1], size=table.shape[1])] for table in tables]
-    )
+def _strata(tables: Sequence[Values]) -> list[Values]:
+    few = [table for table in tables if table.shape[1] < FEW]
+    strata = [table for table in tables if table.shape[1] >= FEW]
+    return [*strata, np.concatenate(few, axis=1)] if few else strata
 
 
 def chances(runs: pd.DataFrame, agent: str, other: str) -> list[Values]:

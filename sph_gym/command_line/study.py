@@ -10,6 +10,7 @@ from sph_gym.command_line.outcome import Outcome
 from sph_gym.command_line.parser import add_command, completed
 
 # Known here too, since it takes long to import the studies.
+BACKENDS = ("local", "ray", "dask")
 STUDIES = (
     "startup",
     "validation",
@@ -48,10 +49,15 @@ def add(commands: Any) -> None:
     text = "accuracy: run one kept point again; a hash of points.csv"
     add("--point", metavar="KEY", help=text)
     add("--output", default="runs/studies", help="folder of the CSV file")
+    text = f"headroom, exploits: where runs go: {', '.join(BACKENDS)}"
+    completed(add("--backend", default="local", help=text), BACKENDS)
+    add("--address", help="of a running cluster of Ray or Dask")
+    add("--workers", type=int, help="side by side on this machine; by default one a processor")
 
 
 def _study(options: argparse.Namespace) -> Outcome:
     from sph_gym.studies import Peers, run_study
+    from sph_gym.studies.backends import Backend
 
     if options.point is not None:
         if options.name != "accuracy":
@@ -60,6 +66,9 @@ def _study(options: argparse.Namespace) -> Outcome:
 
         return Outcome(rerun(options.point, Path(options.output) / "accuracy"))
     peers = Peers(Path(options.peers), options.peers_python) if options.peers else None
+    backend = Backend(options.backend, options.address, options.workers)
     return Outcome(
-        run_study(options.name, options.quick, options.output, peers, options.scenes, options.again)
+        run_study(
+            options.name, options.quick, options.output, peers, options.scenes, options.again, backend
+        )
     )

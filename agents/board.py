@@ -88,10 +88,14 @@ def improvements(runs: pd.DataFrame) -> pd.DataFrame:
     for agent in agents:
         row = {"agent": style_of(agent).label}
         for other in agents:
-            chance = scores.mean(scores.pooled(scores.chances(runs, agent, other)))
-            row[style_of(other).label] = DASH if agent == other else f"{100 * chance:.0f}"
+            found = scores.chances(runs, agent, other) if agent != other else []
+            row[style_of(other).label] = _chance(found)
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def _chance(found: list[scores.Values]) -> str:
+    return f"{100 * scores.mean(scores.pooled(found)):.0f}" if found else DASH
 
 
 def _scored(runs: pd.DataFrame) -> str:

@@ -15,10 +15,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.stats import trim_mean
 
 from agents.entries import Entry
 from sph_gym.env import instances
-from sph_gym.studies.averages import interquartile_mean
 
 RULE, ORACLE = "tuned_cfl", "lookahead"
 # Of mean reward a step between rule and oracle: the least for which an instance has a score.
@@ -70,18 +70,23 @@ def tables_by_family(runs: pd.DataFrame, measure: str) -> list[Values]:
     return tables
 
 
+def interquartile_mean(values: Values) -> Values:
+    """Return the mean without the lowest and the highest quarter, along the last axis."""
+    return np.asarray(trim_mean(values, 0.25, axis=-1))
+
+
+def mean(values: Values) -> Values:
+    """Return the mean along the last axis."""
+    return np.asarray(values.mean(axis=-1))
+
+
 def pooled(tables: Sequence[Values]) -> Values:
     """Return all values of all families, (n,)."""
-    return np.concatenate([np.empty(0), *(each.ravel() for each in tables)])
-
-
-def mean(values: Values) -> float:
-    """Return the mean, not a number without values."""
-    return float(values.mean()) if len(values) else np.nan
+    return np.concatenate([each.ravel() for each in tables])
 
 
 def interval(
-    tables: Sequence[Values], statistic: Callable[[Values], float] = interquartile_mean
+    tables: Sequence[Values], statistic: Callable[[Values], Values] = interquartile_mean
 ) -> Interval:
     """Return a statistic of all values, and the ends of its 95 % interval.
 
@@ -91,20 +96,14 @@ def interval(
     if not tables:
         return np.nan, np.nan, np.nan
     rng, n_trainings = np.random.default_rng(0), min(map(len, tables))
-    drawn = [
-        statistic(_drawn_anew(tables, rng, rng.integers(n_trainings, size=n_trainings)))
-        for _ in range(REPLICAS)
-    ]
-    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return statistic(pooled(tables)), float(low), float(high)
-
-
-def _drawn_anew(
-    tables: Sequence[Values], rng: np.random.Generator, trainings: NDArray[np.int64]
-) -> Values:
-    return pooled(
-        [table[trainings][:, rng.integers(table.shape[1], size=table.shape[1])] for table in tables]
-    )
+    trainings = rng.integers(n_trainings, size=(REPLICAS, n_trainings, 1))
+    drawn = []
+    for table in tables:
+        columns = rng.integers(table.shape[1], size=(REPLICAS, 1, table.shape[1]))
+        drawn.append(table[trainings, columns].reshape(REPLICAS, -1))
+    replicas = statistic(np.concatenate(drawn, axis=1))
+    low, high = np.quantile(replicas, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return float(statistic(pooled(tables))), float(low), float(high)
 
 
 def chances(runs: pd.DataFrame, agent: str, other: str) -> list[Values]:

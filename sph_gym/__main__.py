@@ -272,10 +272,14 @@ def _add_study(commands: Any) -> None:
     text = "accuracy: run one kept point again; a hash of points.csv"
     add("--point", metavar="KEY", help=text)
     add("--output", default="runs/studies", help="folder of the CSV file")
+    add("--backend", default="local", help="headroom, exploits: where runs go, local, ray or dask")
+    add("--address", help="of a running cluster of Ray or Dask")
+    add("--workers", type=int, help="side by side on this machine; by default one a processor")
 
 
 def _study(options: argparse.Namespace) -> int:
     from sph_gym.studies import Peers, run_study
+    from sph_gym.studies.backends import Backend
 
     if options.point is not None:
         if options.name != "accuracy":
@@ -284,8 +288,9 @@ def _study(options: argparse.Namespace) -> int:
 
         return rerun(options.point, Path(options.output) / "accuracy")
     peers = Peers(Path(options.peers), options.peers_python) if options.peers else None
+    backend = Backend(options.backend, options.address, options.workers)
     return run_study(
-        options.name, options.quick, options.output, peers, options.scenes, options.again
+        options.name, options.quick, options.output, peers, options.scenes, options.again, backend
     )
 
 

@@ -23,6 +23,10 @@ ATTEMPTS = 3
 # Ray's store of objects [bytes]: jobs and their results are small.
 OBJECT_STORE = 80 * 2**20
 
+# Ray reports its use to its makers, and makes its workers so nice that on a machine with other work
+# they come to nothing.
+RAY_SETTINGS = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_worker_niceness": "0"}
+
 # (function, *arguments) -> the future of what it returns
 Submit = Callable[..., "Future[Any]"]
 
@@ -30,8 +34,9 @@ Submit = Callable[..., "Future[Any]"]
 class Backend(NamedTuple):
     """Where jobs run.
 
-    name: one of NAMES; address: of a running cluster of Ray or Dask, None to start one on this
-    machine for as long as the jobs take; workers: of what is started, None for one a processor.
+    name: one of NAMES; address: of a running cluster of Ray or Dask, or the .json file that a
+    scheduler of Dask has written; None to start one on this machine for as long as the jobs take;
+    workers: of what is started, None for one a processor.
     """
 
     name: str = "local"
@@ -157,7 +162,8 @@ def _dask(address: str | None, n_workers: int) -> Iterator[Submit]:
     with needs_extra("cluster"):
         from distributed import Client
     if address is not None:
-        options: dict[str, Any] = {"address": address}
+        is_file = address.endswith(".json")
+        options: dict[str, Any] = {"scheduler_file" if is_file else "address": address}
     else:
         # without a page of its state, and without a limit of memory that none of our jobs reaches
         options = {"n_workers": n_workers, "threads_per_worker": 1, "memory_limit": 0}
@@ -168,13 +174,14 @@ def _dask(address: str | None, n_workers: int) -> Iterator[Submit]:
 
 @contextmanager
 def _ray(address: str | None, n_workers: int) -> Iterator[Submit]:
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    for name, value in RAY_SETTINGS.items():
+        os.environ.setdefault(name, value)
     with needs_extra("cluster"):
         import ray
     if address is not None:
         options: dict[str, Any] = {"address": address}
     else:
-        options = {"num_cpus": n_workers, "include_dashboard": False}
+        options = {"address": "local", "num_cpus": n_workers, "include_dashboard": False}
         options |= {"object_store_memory": OBJECT_STORE}
     ray.init(**options, configure_logging=False, log_to_driver=False)
     job = ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_call)

@@ -87,11 +87,14 @@ def play(scene: str, number: int, grid: ControlGrid, folder: Path) -> Table:
     """Return the rewards of a validation instance; played before, they come from the folder."""
     instance = f"{scene}/val/{number}"
     store = episodes.results(folder)
-    static, following, kind = store.get(["controls", instance, grid], lambda: _play(instance, grid))
+    static, following, kind = store.get(
+        ["controls", instance, grid], lambda: play_settings(instance, grid)
+    )
     return Table(np.array(static), np.array(following), kind)
 
 
-def _play(instance: str, grid: ControlGrid) -> tuple[Rewards, Rewards, str]:
+def play_settings(instance: str, grid: ControlGrid) -> tuple[Rewards, Rewards, str]:
+    """Play an instance with every setting; return the rewards and the kind of its context."""
     env = TuningEnv(instance.split("/")[0])
     env.reset(seed=0, options={"instance": instance})
     begin, sizes = env.episode.state(), tuple(map(len, grid))

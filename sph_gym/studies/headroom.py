@@ -29,9 +29,12 @@ from sph_gym.env.oracle import COARSE, Oracle, Search
 from sph_gym.extras import progress, progress_bar
 from sph_gym.files import write_csv
 from sph_gym.studies import controls, episodes, honesty
+from sph_gym.studies.backends import LOCAL, Backend
 from sph_gym.studies.controls import ControlGrid
 from sph_gym.studies.episodes import Score, Setting, StaticGrid, best_static, run
 from sph_gym.studies.exploits import tuned_cfl
+from sph_gym.studies.jobs import run_jobs
+from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
 
 # So much headroom, on so many scenes; and by so much must a loss of mean reward, where a control is
@@ -131,13 +134,14 @@ def frozen(control: str) -> str:
 # --- Playing --------------------------------------------------------------------------------
 
 
-def measure(quick: bool, folder: Path) -> Iterator[Row]:
+def measure(quick: bool, folder: Path, backend: Backend = LOCAL) -> Iterator[Row]:
     """Yield rows of every scene, with a progress bar; quick: one instance of two scenes, coarsely.
 
     Finished runs are kept in the folder, and all scores written there, instance by instance.
     Raises ImportError that names the extra to install.
     """
     plan = QUICK if quick else FULL
+    play_ahead(plan, folder, backend)
     found: dict[str, list[Contest]] = {}
     with progress_bar(len(plan.scenes) * plan.n_instances, unit="instance") as bar:
         for scene in plan.scenes:
@@ -179,27 +183,86 @@ def _control_rows(plan: HeadroomPlan, folder: Path) -> Iterator[Row]:
     yield from controls.rows(found, plan.settings)
 
 
+def play_ahead(plan: HeadroomPlan, folder: Path, backend: Backend) -> None:
+    """Let everybody play who does so in `contest` and in the rows, side by side on a backend."""
+    store = episodes.results(folder)
+    games = [(scene, number) for scene in plan.scenes for number in range(plan.n_instances)]
+    rules = [(scene, number) for scene in plan.games for number in range(instances.SIZES["val"])]
+    keys = [key for game in games for key in _first_keys(plan, *game)]
+    keys += [key for game in rules if (key := ["rule", _id(*game)]) not in keys]
+    run_jobs(play, [(key,) for key in keys], keys, store, "episodes", backend)
+    keys = [key for game in games for key in _frozen_keys(plan, *game, store)]
+    run_jobs(play, [(key,) for key in keys], keys, store, "controls frozen", backend)
+    held = [_id(scene, number) for number in range(plan.held) for scene in plan.games]
+    keys = [["controls", instance, plan.settings] for instance in held]
+    jobs = [(instance, plan.settings) for instance in held]
+    run_jobs(controls.play_settings, jobs, keys, store, "controls held fixed", backend)
+
+
+def play(key: list[Any]) -> Any:
+    """Return what a player does on an instance: its score, or the best static setting with its own.
+
+    key: player, instance, and what else decides it, as results are kept by it.
+    """
+    player, instance, *settings = key
+    scene = instance.split("/")[0]
+    if player == "static":
+        return best_static(scene, instance, *settings)
+    if player == "rule":
+        return run(scene, instance, tuned_cfl)
+    search, *fixed = settings
+    return run(scene, instance, Oracle(search, dict([fixed]) if fixed else None))
+
+
+def _is_ablated(plan: HeadroomPlan, scene: str, number: int) -> bool:
+    return number < plan.ablated and scene not in instances.DIAGNOSTIC
+
+
+def _first_keys(plan: HeadroomPlan, scene: str, number: int) -> Iterator[list[Any]]:
+    """Yield the keys of what can be played at once."""
+    instance = _id(scene, number)
+    yield ["rule", instance]
+    yield ["static", instance, plan.grid]
+    yield ["oracle", instance, plan.search]
+    if _is_ablated(plan, scene, number):
+        yield ["oracle", instance, plan.second]
+        yield ["frozen", instance, plan.search, XSPH_AXIS, XSPH_OFF]
+
+
+def _frozen_keys(
+    plan: HeadroomPlan, scene: str, number: int, store: Results
+) -> Iterator[list[Any]]:
+    """Yield the keys of the oracles with a control frozen at its best static value."""
+    instance = _id(scene, number)
+    best = store.load(["static", instance, plan.grid])
+    if best is not None and _is_ablated(plan, scene, number):
+        yield from (
+            ["frozen", instance, plan.search, axis, value] for axis, value in enumerate(best[0])
+        )
+
+
 def contest(plan: HeadroomPlan, scene: str, number: int, folder: Path) -> Contest:
     """Let all players play one validation instance."""
     instance, search = _id(scene, number), plan.search
     store = episodes.results(folder)
 
-    def score(policy: Any, name: str, *key: Any) -> Score:
-        return Score(*store.get([name, instance, *key], partial(run, scene, instance, policy)))
+    def get(*key: Any) -> Any:
+        return store.get(list(key), partial(play, list(key)))
 
-    def freeze(axis: int, value: float) -> Score:
-        return score(Oracle(search, {axis: value}), "frozen", search, axis, value)
+    def score(player: str, *settings: Any) -> Score:
+        return Score(*get(player, instance, *settings))
 
-    find = partial(best_static, scene, instance, plan.grid)
-    best = store.get(["static", instance, plan.grid], find)
+    best = get("static", instance, plan.grid)
     setting, static = (None, None) if best is None else (tuple(best[0]), Score(*best[1]))
-    oracle = score(Oracle(search), "oracle", search)
-    found = Contest(score(tuned_cfl, "rule"), static, setting, oracle)
-    if setting is None or number >= plan.ablated or scene in instances.DIAGNOSTIC:
+    found = Contest(score("rule"), static, setting, score("oracle", search))
+    if setting is None or not _is_ablated(plan, scene, number):
         return found
-    others = {frozen(CONTROLS[axis]): freeze(axis, value) for axis, value in enumerate(setting)}
-    others[ELSEWHERE] = score(Oracle(plan.second), "oracle", plan.second)
-    others[UNSMOOTHED] = freeze(XSPH_AXIS, XSPH_OFF)
+    others = {
+        frozen(CONTROLS[axis]): score("frozen", search, axis, value)
+        for axis, value in enumerate(setting)
+    }
+    others[ELSEWHERE] = score("oracle", plan.second)
+    others[UNSMOOTHED] = score("frozen", search, XSPH_AXIS, XSPH_OFF)
     return found._replace(others=others)
 
 

@@ -51,8 +51,16 @@ def test_it_stiffens_a_compressed_fluid_and_softens_a_calm_one(sim):
 
 def test_the_correction_has_ends_and_a_new_run_begins_anew(sim):
     pi = PiController()
-    for error, end in ((0.0, pi.least), (1.0, pi.most)):
-        for k in range(1, 30):
+    for error, end in ((0.4 * pi.setpoint * MEAN, pi.least), (1.0, pi.most)):
+        for k in range(1, 40):
             controls = pi(Told(sim, 0.1 * k, error))
         assert factor(sim, controls) == pytest.approx(end)
     assert factor(sim, pi(Told(sim, 0.0, pi.setpoint * MEAN))) == pytest.approx(1.0)
+
+
+def test_no_error_tells_nothing(sim):
+    pi = PiController()
+    before = factor(sim, pi(Told(sim, 0.0, 2 * pi.setpoint * MEAN)))
+    for k in range(1, 30):
+        controls = pi(Told(sim, 0.1 * k, 0.0))
+    assert factor(sim, controls) == pytest.approx(before) != 1.0

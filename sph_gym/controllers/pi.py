@@ -30,7 +30,7 @@ class PiController:
     setpoint: float = 0.5
     proportional: float = 0.2
     integral: float = 0.05
-    least: float = 0.6
+    least: float = 0.7
     most: float = 1.5
     rule: TunedCfl = field(default_factory=TunedCfl)
 

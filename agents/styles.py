@@ -49,8 +49,8 @@ SENTENCES = {
     "tuned_cfl": "softens the fluid as far as its present speed permits and steps close to the "
     "edge of stability, as a practitioner would; its work is the unit of work.",
     "adaptive": "is the tuned CFL rule with an XSPH epsilon that follows the measured noise.",
-    "pi": "is a PI controller: the sound speed keeps the density error at half its tolerance; the "
-    "time step and the XSPH epsilon are those of the tuned CFL rule.",
+    "pi": "is the tuned CFL rule; a PI controller corrects its sound speed, to keep the density "
+    "error at half its tolerance.",
     "grid_search": "keeps one setting for the whole run, the best of a grid that was tried on "
     "training instances.",
     "random_search": "keeps one setting for the whole run, the best of random ones that were tried "

@@ -9,40 +9,46 @@ from sph_gym.solver.state import Controls
 
 # Density errors that count as 1: the mean of max(rho/rho0 - 1, 0), and its 99th percentile.
 MEAN, P99 = 0.01, 0.04
-# Bounds of the error as a multiple of the setpoint, so that a fluid at rest or in free fall, whose
-# error is 0, has a logarithm; and bounds of the sound speed [c0].
-ERROR, SOUND = (0.1, 10.0), (0.1, 1.25)
+# Bounds of the error as a multiple of the setpoint. Below the first one, the error tells nothing:
+# a fluid in free fall has none, however hard it is going to hit something.
+ERROR = (0.3, 10.0)
 
 
 @dataclass
 class PiController:
-    """A PI controller of the sound speed c, with the time step and epsilon of the tuned rule.
+    """A PI controller that corrects the sound speed c of the tuned rule.
 
-    With e the density error as a multiple of `setpoint`, log c changes in every call by
-    `proportional` times the change of log e, and `integral` times log e, as time steps do in
-    solvers of differential equations. It is to be called once a frame, remembers a run, and begins
-    anew at time 0, at c0.
+    With e the density error as a multiple of `setpoint`, the logarithm of the correction changes in
+    every call by `proportional` times the change of log e, and `integral` times log e, as time
+    steps do in solvers of differential equations. It stays from `least` to `most`, and as it is
+    while e is below the range ERROR. The controller is to be called once a frame, remembers a run,
+    and begins anew at time 0.
 
     Source: Gustafsson 1991, ACM Transactions on Mathematical Software 17.
     """
 
     setpoint: float = 0.5
     proportional: float = 0.2
-    integral: float = 0.1
+    integral: float = 0.05
+    least: float = 0.7
+    most: float = 1.5
     rule: TunedCfl = field(default_factory=TunedCfl)
 
     def __post_init__(self) -> None:
-        self._sound, self._before = 1.0, 0.0
+        self._factor, self._before = 1.0, 0.0
 
     def __call__(self, sim: Simulation) -> Controls:
         """Return the controls for the present state."""
         numbers = sim.diagnostics()
         e = max(numbers["density_error"] / MEAN, numbers["density_error_p99"] / P99)
-        now = math.log(min(max(e / self.setpoint, ERROR[0]), ERROR[1]))
+        share = e / self.setpoint
+        now = math.log(min(max(share, ERROR[0]), ERROR[1]))
         if sim.time == 0.0:
-            self._sound, self._before = 1.0, now
-        change = self.proportional * (now - self._before) + self.integral * now
-        self._sound = min(max(self._sound * math.exp(change), SOUND[0]), SOUND[1])
-        self._before = now
-        # a rule that follows nothing keeps to its floor
-        return replace(self.rule, mach=0.0, fastest=0.0, floor=self._sound).at(sim, numbers)
+            self._factor, self._before = 1.0, now
+        if share >= ERROR[0]:
+            change = self.proportional * (now - self._before) + self.integral * now
+            self._factor = min(max(self._factor * math.exp(change), self.least), self.most)
+            self._before = now
+        rule, k = self.rule, self._factor
+        scaled = replace(rule, mach=k * rule.mach, fastest=k * rule.fastest, floor=k * rule.floor)
+        return scaled.at(sim, numbers)

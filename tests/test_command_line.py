@@ -214,6 +214,25 @@ def test_a_word_that_is_not_known_gives_one_line_with_the_nearest(line, message,
     assert error.endswith("--help")
 
 
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("run dam_brek", "did you mean 'dam_break'"),
+        ("run dam_break --set widht=1", "argument of dam_break: .*did you mean 'width'"),
+        ("run relaxation --controller adaptiv", "did you mean 'adaptive'"),
+        ("study soaks", "did you mean 'soak'"),
+        ("docs sph_gym/DamBreak-v2", "did you mean 'sph_gym/DamBreak-v1'"),
+        ("doctor --fault atracts", "did you mean 'attracts'"),
+        ("recommend eliptical_drop --error 1%", "did you mean 'elliptical_drop'"),
+    ],
+)
+def test_a_name_that_is_not_known_gives_one_line_with_the_nearest(line, message, capsys):
+    assert main(line.split()) == WRONG
+    [error] = capsys.readouterr().err.splitlines()
+    assert error.startswith("sph_gym: ")
+    assert re.search(message, error), error
+
+
 def test_json_is_all_that_a_program_reads(capsys):
     assert main([*RELAXATION, "--gauge", "level:0", "--json", "-"]) == 0
     printed = capsys.readouterr()

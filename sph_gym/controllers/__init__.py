@@ -5,7 +5,7 @@ from collections.abc import Callable
 from sph_gym.controllers.adaptive import AdaptiveRule
 from sph_gym.controllers.network import Network
 from sph_gym.controllers.rules import ArticleCfl, Controller, Static, TunedCfl, nominal
-from sph_gym.controllers.shipped import Policy, shipped
+from sph_gym.controllers.shipped import ShippedPolicy, shipped
 
 # Rules by name. Every run takes one of its own, for some remember it.
 RULES: dict[str, Callable[[], Controller]] = {
@@ -16,6 +16,6 @@ RULES: dict[str, Callable[[], Controller]] = {
 }
 
 __all__ = [
-    "RULES", "AdaptiveRule", "ArticleCfl", "Controller", "Network", "Policy", "Static", "TunedCfl",
+    "RULES", "AdaptiveRule", "ArticleCfl", "Controller", "Network", "ShippedPolicy", "Static", "TunedCfl",
     "nominal", "shipped",
 ]  # fmt: skip

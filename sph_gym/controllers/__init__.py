@@ -16,6 +16,6 @@ RULES: dict[str, Callable[[], Controller]] = {
 }
 
 __all__ = [
-    "RULES", "AdaptiveRule", "ArticleCfl", "Controller", "Network", "ShippedPolicy", "Static", "TunedCfl",
-    "nominal", "shipped",
+    "RULES", "AdaptiveRule", "ArticleCfl", "Controller", "Network", "ShippedPolicy", "Static",
+    "TunedCfl", "nominal", "shipped",
 ]  # fmt: skip

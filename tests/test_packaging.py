@@ -172,7 +172,6 @@ def test_the_entry_for_gymnasium_names_the_version_that_is_needed():
 @pytest.mark.parametrize(
     ("version", "constraints"),
     [("3.10", "lowest"), *((version, "newest") for version in VERSIONS)],
-    ids="-".join,
 )
 def test_it_works_where_nothing_else_is(version, constraints, dist, tmp_path):
     running = "{}.{}".format(*sys.version_info)

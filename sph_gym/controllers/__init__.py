@@ -6,7 +6,7 @@ from sph_gym.controllers.adaptive import AdaptiveRule
 from sph_gym.controllers.network import Network
 from sph_gym.controllers.pi import PiController
 from sph_gym.controllers.rules import ArticleCfl, Controller, Static, TunedCfl, nominal
-from sph_gym.controllers.shipped import Policy, shipped
+from sph_gym.controllers.shipped import ShippedPolicy, shipped
 
 # Rules by name. Every run takes one of its own, for some remember it.
 RULES: dict[str, Callable[[], Controller]] = {
@@ -14,9 +14,10 @@ RULES: dict[str, Callable[[], Controller]] = {
     "cfl": ArticleCfl,
     "tuned_cfl": TunedCfl,
     "adaptive": AdaptiveRule,
+    "pi": PiController,
 }
 
 __all__ = [
-    "RULES", "AdaptiveRule", "ArticleCfl", "Controller", "Network", "PiController", "Policy",
-    "Static", "TunedCfl", "nominal", "shipped",
+    "RULES", "AdaptiveRule", "ArticleCfl", "Controller", "Network", "PiController",
+    "ShippedPolicy", "Static", "TunedCfl", "nominal", "shipped",
 ]  # fmt: skip

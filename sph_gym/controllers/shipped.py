@@ -20,7 +20,7 @@ CARD = ("what", "how", "command", "seeds", "minutes", "figures", "limits")
 BEST, MIXED = "best", "mixed"
 
 
-class Policy:
+class ShippedPolicy:
     """A network of the package: an observation becomes an action.
 
     name: of the network; network: with the layouts of its observations and actions; card: entries
@@ -39,7 +39,7 @@ class Policy:
         return np.int64(values.argmax()) if self.network.squash == "none" else values
 
 
-def shipped(family: str) -> Policy:
+def shipped(family: str) -> ShippedPolicy:
     """Return the best network for a family of flows, such as "dam_break" or "mixed".
 
     Raises ValueError if the package has none for it, or if its files are damaged.
@@ -53,7 +53,7 @@ def shipped(family: str) -> Policy:
     return load(best[known("shipped", family, best)])
 
 
-def load(name: str) -> Policy:
+def load(name: str) -> ShippedPolicy:
     """Return a network of the package by its name, such as "ppo_mixed".
 
     Raises ValueError for an unknown name, a damaged file, or a card without all entries of CARD.
@@ -67,7 +67,7 @@ def load(name: str) -> Policy:
         raise ValueError(f"network: {path} is no card ({error})") from None
     if missing:
         raise ValueError(f"network: expected {', '.join(missing)} in the card {path}")
-    return Policy(name, Network.load(SHIPPED / f"{name}.npz"), card)
+    return ShippedPolicy(name, Network.load(SHIPPED / f"{name}.npz"), card)
 
 
 def names() -> list[str]:

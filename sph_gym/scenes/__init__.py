@@ -78,10 +78,7 @@ def make(name: str, **arguments: Any) -> Scene:
     builder = _builder(name)
     taken = parameters(name)
     for argument in arguments:
-        if argument not in taken:
-            raise ValueError(
-                f"{name}: unknown argument {argument!r}, expected one of {', '.join(taken)}"
-            )
+        known(f"argument of {name}", argument, taken)
     return builder(**arguments)
 
 

@@ -29,7 +29,7 @@ default_role = "code"
 
 # anchors of headings, as GitHub makes them
 myst_heading_anchors = 4
-suppress_warnings = ["config.cache", "toc.empty_glob"]
+suppress_warnings = ["config.cache"]
 
 autodoc_default_options = {"members": True, "imported-members": True}
 autodoc_member_order = "bysource"

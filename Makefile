@@ -26,7 +26,7 @@ test: .venv/.dev lint
 	NUMBA_DISABLE_JIT=1 $(UNCOMPILED) -m "without_jit and not slow"
 
 # Everything.
-test-all: .venv/.dev lint
+test-all: .venv/.dev .venv/.docs lint
 	$(BIN)/python -m pytest
 	NUMBA_DISABLE_JIT=1 $(UNCOMPILED) -m without_jit
 

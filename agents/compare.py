@@ -39,6 +39,8 @@ from sph_gym.view import Painter, side_by_side, write_video
 
 PANEL_WIDTH = 480
 FRAMES_PER_SECOND = 20
+# Size that the film is made for [bits]: with what the encoder adds, below 2 MB, to be mailed.
+FILM_SIZE = 8 * 1_300_000
 Picture = NDArray[np.uint8]
 
 
@@ -164,7 +166,8 @@ def animate(pictures: list[list[Picture]], folder: Path) -> None:
     def at(k: int) -> Picture:
         return side_by_side([own[min(k, len(own) - 1)] for own in pictures])
 
-    write_video(folder / "side_by_side.mp4", map(at, range(length)), FRAMES_PER_SECOND)
+    bitrate = round(FILM_SIZE * FRAMES_PER_SECOND / length)
+    write_video(folder / "side_by_side.mp4", map(at, range(length)), FRAMES_PER_SECOND, bitrate)
     imageio.imwrite(folder / "side_by_side.png", at(length // 3))
 
 

@@ -73,20 +73,52 @@ def _template() -> Template:
 
 
 def headline(summary: pd.DataFrame) -> str:
-    """Return the result in a few sentences; summary: as `summary_table` returns it."""
-    first = summary.iloc[0]
+    """Return the result in a few sentences: who does best, by how much, and where it fails.
+
+    summary: as `summary_table` returns it. The look-ahead oracle is a bound, so that it does best
+    only if it is alone.
+    """
+    rivals = summary[summary["agent"] != "lookahead"]
+    first = (rivals if len(rivals) else summary).iloc[0]
     text = (
         f"{style_of(first['agent']).label} did best, with a return of {first['return']:.2f} per "
         f"step (95 % interval {first['return_low']:.2f} to {first['return_high']:.2f}) and "
         f"{first['work']:.2f} times the work of the tuned CFL rule."
     )
-    if first["blowup"]:
-        text += f" It blew up in {first['blowup']:.0f} % of its runs."
-    near = summary[1:][summary["return_high"][1:] >= first["return_low"]]
+    text += _lead(first, summary)
+    text += f" It blew up in {first['blowup']:.0f} % of its runs." if first["blowup"] else ""
+    others = rivals[rivals["agent"] != first["agent"]]
+    near = others[others["return_high"] >= first["return_low"]]
     if len(near):
-        names = " and ".join(style_of(agent).label for agent in near["agent"])
+        names = _listed(near["agent"])
         text += f" Its interval overlaps with that of {names}: other instances may turn the order."
+    blown = others[others["blowup"] > 0]
+    if len(blown):
+        text += f" Blow-ups: {', '.join(_share(row) for _, row in blown.iterrows())}."
     return text.replace(" %", "\N{NO-BREAK SPACE}%")
+
+
+def _lead(first: pd.Series, summary: pd.DataFrame) -> str:
+    """Return how far the best agent is from the tuned rule and from the oracle, as sentences."""
+    returns = summary.set_index("agent")["return"]
+    text = ""
+    if "tuned_cfl" in returns and first["agent"] != "tuned_cfl":
+        ahead = first["return"] - returns["tuned_cfl"]
+        text += f" That is {ahead:.2f} more than the tuned CFL rule earns."
+    if "lookahead" in returns and first["agent"] != "lookahead":
+        text += (
+            f" The look-ahead oracle, which sees the future, earns {returns['lookahead']:.2f}: "
+            "a bound, no competitor."
+        )
+    return text
+
+
+def _share(row: pd.Series) -> str:
+    return f"{style_of(row['agent']).label} in {row['blowup']:.0f} % of its runs"
+
+
+def _listed(agents: pd.Series) -> str:
+    return " and ".join(style_of(agent).label for agent in agents)
 
 
 def _headings() -> list[str]:

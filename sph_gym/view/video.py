@@ -24,10 +24,16 @@ GAP = 4
 GRID_RATIO = 1.5
 
 
-def write_video(path: str | os.PathLike[str], frames: Iterable[Picture], fps: float) -> None:
+def write_video(
+    path: str | os.PathLike[str],
+    frames: Iterable[Picture],
+    fps: float,
+    bitrate: int | None = None,
+) -> None:
     """Write pictures, each (height, width, 3) uint8, as .mp4 or .gif, `fps` of them a second.
 
-    Odd sizes are padded to even ones. The file appears when it is complete: an interrupted or
+    bitrate: mean of an .mp4 [bit/s], to keep the file small; by default as many as it looks good
+    with. Odd sizes are padded to even ones. The file appears when it is complete: an interrupted or
     failed write leaves what was there before. A GIF is held in memory, and its frames last whole
     hundredths of a second, at least two.
 
@@ -41,9 +47,11 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Picture], fps: fl
     fps = positive("fps", fps)
     if not target.parent.is_dir():
         raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
-    write = _write_gif if target.suffix.lower() == ".gif" else _write_mp4
     with atomic_write(target) as draft:
-        write(draft, _checked(frames), fps)
+        if target.suffix.lower() == ".gif":
+            _write_gif(draft, _checked(frames), fps)
+        else:
+            _write_mp4(draft, _checked(frames), fps, bitrate)
 
 
 def side_by_side(frames: Sequence[Picture]) -> Picture:
@@ -109,12 +117,13 @@ def _checked(frames: Iterable[Picture]) -> Iterator[Picture]:
         raise ValueError("frames: expected at least one picture, got none")
 
 
-def _write_mp4(path: Path, frames: Iterator[Picture], fps: float) -> None:
+def _write_mp4(path: Path, frames: Iterator[Picture], fps: float, bitrate: int | None) -> None:
     with needs_extra("studies"):
         import imageio.v2 as imageio
         import imageio_ffmpeg  # noqa: F401
     # a block of two is what yuv420p asks for; quality 8 of 10 keeps small discs crisp
-    options: dict[str, Any] = {"codec": "libx264", "quality": 8, "macro_block_size": 2}
+    options: dict[str, Any] = {"codec": "libx264", "macro_block_size": 2}
+    options |= {"quality": 8} if bitrate is None else {"quality": None, "bitrate": bitrate}
     first = next(frames)
     writer: Any = imageio.get_writer(path, format="FFMPEG", mode="I", fps=fps, **options)
     try:

@@ -185,6 +185,29 @@ def test_headline_tells_of_overlaps_and_blow_ups():
     assert "It blew up in 50\N{NO-BREAK SPACE}% of its runs." in report.headline(worst)
 
 
+def test_headline_tells_the_lead_and_takes_the_oracle_as_a_bound():
+    runs = made_up_runs()
+    best, rule = (runs[runs["agent"] == name]["return"].mean() for name in ("<b>", "tuned_cfl"))
+    text = report.headline(summary_table(runs))
+    assert text.startswith("<b> did best")
+    assert f"That is {best - rule:.2f} more than the tuned CFL rule earns." in text
+    assert "Blow-ups: random in 50\N{NO-BREAK SPACE}% of its runs." in text
+    oracle = runs[runs["agent"] == "<b>"].assign(agent="lookahead")
+    oracle["return"] += 1
+    text = report.headline(summary_table(pd.concat([runs, oracle])))
+    assert text.startswith("<b> did best")
+    assert "a bound, no competitor" in text
+    assert report.headline(summary_table(oracle)).startswith("look-ahead did best")
+
+
+def test_the_answer_comes_first_and_the_page_knows_the_dark(page):
+    assert page.index("did best") < page.index("sph_gym simulates") < page.index("<table")
+    assert "prefers-color-scheme: dark" in page
+    # colours outside of the variables are those of print, pictures and marks
+    style = page[page.index("* { box-sizing") : page.index("</style>")]
+    assert set(re.findall(r"#[0-9a-f]{3,6}\b", style)) <= {"#fff"}
+
+
 def test_what_is_missing_is_refused(tmp_path):
     with pytest.raises(ValueError, match="runs: expected at least one"):
         plots.plot_returns(made_up_runs()[:0], tmp_path / "x.png")

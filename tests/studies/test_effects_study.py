@@ -1,4 +1,6 @@
+import inspect
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -92,6 +94,15 @@ def test_an_identity_returns_what_the_function_does_without_its_part():
     assert found("a box", 1, 2, "x", "y", "u", "v") == ("x", "y", "u", "v")
     with pytest.raises(ValueError, match="expected an argument or a constant"):
         absence.identity(lambda part, x: [x], "part")
+
+
+def test_every_term_can_be_replaced():
+    known = {function.__name__: function for function in absence.solver_functions()}
+    for name in {name for names in absence.TERMS.values() for name in names}:
+        first = next(iter(inspect.signature(known[name]).parameters))
+        assert absence.identity(known[name], first).__name__ == name
+    sums = SimpleNamespace(cx=1, cy=2, ox=3, oy=4)
+    assert absence.identity(known["add_crowding"], "effect")(None, None, sums) == (1, 2, 3, 4)
 
 
 def test_guards_are_found_by_themselves():

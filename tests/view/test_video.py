@@ -117,3 +117,13 @@ def test_smaller_pictures_are_centred_in_their_tile():
 def test_what_is_no_picture_cannot_be_tiled(wrong):
     with pytest.raises(ValueError, match="frames"):
         side_by_side(wrong)
+
+
+def test_a_bitrate_bounds_the_size(tmp_path):
+    rng = np.random.default_rng(0)
+    frames = [rng.integers(0, 256, (120, 160, 3), dtype=np.uint8) for _ in range(40)]
+    write_video(tmp_path / "free.mp4", frames, 20)
+    write_video(tmp_path / "small.mp4", frames, 20, bitrate=400_000)
+    free, small = ((tmp_path / f"{name}.mp4").stat().st_size for name in ("free", "small"))
+    # two seconds of 400 kbit/s
+    assert small < 1.5 * 100_000 < free

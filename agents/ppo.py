@@ -1,5 +1,6 @@
 """Proximal policy optimisation: `python -m agents.ppo --scene benchmark --steps 600000`."""
 
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -19,7 +20,9 @@ def layers(model: PPO) -> list[torch.nn.Module]:
 
 def export(model: PPO) -> Network:
     """Return the mean of the policy as a plain network; actions are clipped to the box."""
-    return plain_network(layers(model), "clip", "absolute")
+    space: Any = model.action_space
+    highest = tuple(space.high.astype(float).tolist())
+    return replace(plain_network(layers(model), "clip", "absolute"), highest=highest)
 
 
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:

@@ -1,33 +1,63 @@
-"""PPO that goes on with an exported network, such as one by imitation.
+"""PPO that goes on with a network: `python -m agents.ppo_warm --scene benchmark --n-envs 8`.
 
-`python -m agents.ppo_warm --start runs/imitation_benchmark_seed0/network.npz --scene benchmark`
+By default with one that imitates the adaptive rule, which takes a minute: what PPO learns first by
+itself, not to blow up, is there from the start.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from gymnasium import spaces
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
+from agents import imitation
 from agents.arguments import option, parse
+from agents.imitation import ImitationArgs
 from agents.ppo import export, layers
 from agents.training import Training, TrainingArgs
-from sph_gym.controllers import Network
+from agents.validation import NETWORK
+from sph_gym.controllers import Network, TunedCfl
+from sph_gym.env import actions
+from sph_gym.solver.checks import in_range, positive
 
 
 @dataclass(kw_only=True)
 class WarmArgs(TrainingArgs):
     """Arguments of a training that goes on with a network."""
 
-    start: str = option("exported network to begin with")
+    start: Path | None = option(
+        "exported network to begin with, by default one that imitates the adaptive rule", None
+    )
+    courant: float = option(
+        "largest dt c / h that the policy may ask for: with longer steps, some impacts blow up",
+        TunedCfl().courant,
+    )
     spread: tuple[float, float, float] = option(
         "standard deviations with which dt, stiffness and epsilon are explored at the start, in "
         "coordinates of the action: a longer step soon blows up, so that dt gets less",
         (0.05, 0.14, 0.14),
     )
     held: int = option("steps during which it stays as it is, while its value is learned", 20_000)
+
+    def __post_init__(self) -> None:
+        in_range("courant", self.courant, *actions.COURANT)
+        for value in self.spread:
+            positive("spread", value)
+
+
+def imitate(args: WarmArgs) -> Path:
+    """Return a network that imitates the adaptive rule; its lessons are kept."""
+    lessons = ImitationArgs(
+        scene=args.scene, teacher="adaptive", rounds=3, lessons=6, seed=args.seed,
+        output=args.output, n_evaluations=1,
+    )  # fmt: skip
+    imitation.train(lessons)
+    return lessons.folder / NETWORK
 
 
 def begin_with(model: PPO, network: Network) -> None:
@@ -82,12 +112,15 @@ class Hold(BaseCallback):
 def train(args: WarmArgs) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
     training = Training("ppo_warm", args, export)
+    start = None if args.resume else args.start or imitate(args)
     envs = training.make_envs()
-    if args.resume:
+    highest = np.array([actions.locate(args.courant, 1.0, 0.0)[0], 1.0, 1.0], np.float32)
+    envs.action_space = spaces.Box(-1.0, highest, dtype=np.float32)
+    if start is None:
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")
     else:
         model = PPO("MlpPolicy", envs, **training.settings())
-        begin_with(model, Network.load(args.start))
+        begin_with(model, Network.load(start))
         explore(model, args.spread)
     training.learn(model, [Hold(args.held)])
     envs.close()

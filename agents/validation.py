@@ -20,6 +20,8 @@ from sph_gym.env.tuning import TuningEnv
 from sph_gym.env.vector import side_by_side
 from sph_gym.solver.checks import whole
 
+# File of the best network.
+NETWORK = "network.npz"
 # Columns of the curve besides the mean return of every scene.
 STEPS, RETURN, WORK, BLOWUP = "steps", "return", "work", "blowup"
 
@@ -64,7 +66,7 @@ class Validation:
     @property
     def network(self) -> Path:
         """File of the best network."""
-        return self.folder / "network.npz"
+        return self.folder / NETWORK
 
     def judge(self, network: Network, steps: int) -> bool:
         """Play all instances after so many training steps; return whether it is the best so far."""

@@ -69,6 +69,12 @@ def _study(options: argparse.Namespace) -> Outcome:
     backend = Backend(options.backend, options.address, options.workers)
     return Outcome(
         run_study(
-            options.name, options.quick, options.output, peers, options.scenes, options.again, backend
+            options.name,
+            options.quick,
+            options.output,
+            peers,
+            options.scenes,
+            options.again,
+            backend,
         )
     )

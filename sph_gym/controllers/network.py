@@ -16,6 +16,8 @@ SQUASH = ("clip", "tanh", "none")
 TEXTS = ("activation", "squash", "observation", "action")
 # Networks that come with the package.
 SHIPPED = Path(__file__).parent / "networks"
+# The largest action of all.
+HIGHEST = (1.0, 1.0, 1.0)
 Floats = NDArray[np.float32]
 
 
@@ -31,7 +33,8 @@ class Network:
     weights, biases: one (n_out, n_in) and (n_out,) array a layer; activation: "tanh" or "relu"
     between layers; squash: how the last layer becomes an action in [-1, 1], "clip" or "tanh", or
     "none" if it holds the values of discrete actions; observation, action: the layouts with their
-    versions that it was trained with, as `sph_gym.env.layouts` names them.
+    versions that it was trained with, as `sph_gym.env.layouts` names them; highest: largest action
+    (3,) that is clipped to, such as one that keeps the time step short enough for impacts.
     """
 
     weights: tuple[Floats, ...]
@@ -40,6 +43,7 @@ class Network:
     squash: str
     observation: str = ""
     action: str = ""
+    highest: tuple[float, ...] = HIGHEST
 
     def __call__(self, observation: Floats) -> Floats:
         """Return the action (3,) for an observation (n,), or the values of discrete ones.
@@ -58,15 +62,16 @@ class Network:
                 np.tanh(x, out=x) if self.activation == "tanh" else np.maximum(x, 0.0, out=x)
         if self.squash == "clip":
             np.maximum(x, -1.0, out=x)
-            return np.minimum(x, 1.0, out=x)
+            return np.minimum(x, np.array(self.highest, np.float32), out=x)
         return np.tanh(x, out=x) if self.squash == "tanh" else x
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file that `load` reads; a kill leaves all of it or what was there before."""
         layers: dict[str, Any] = {f"weight{k}": w for k, w in enumerate(self.weights)}
         layers |= {f"bias{k}": b for k, b in enumerate(self.biases)}
+        texts = {name: getattr(self, name) for name in TEXTS}
         with atomic_write(path) as draft:
-            np.savez_compressed(draft, **{name: getattr(self, name) for name in TEXTS}, **layers)
+            np.savez_compressed(draft, **texts, **layers, highest=np.array(self.highest))
 
     @staticmethod
     def load(path: str | Path) -> "Network":
@@ -83,17 +88,18 @@ class Network:
                 # files of drafts of the environments have no layouts
                 texts = {name: str(data[name]) for name in TEXTS if name in data.files}
                 activation, squash = texts["activation"], texts["squash"]
+                highest = tuple(data["highest"].astype(float).tolist())
         except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
             raise ValueError(f"path: {path} is no exported network ({error})") from None
         known = squash in SQUASH and activation in ("tanh", "relu")
-        if not (known and weights and _fit(weights, biases)):
+        if not (known and weights and _fit(weights, biases) and _is_bound(highest)):
             raise ValueError(f"path: {path} is no exported network")
         if not (texts.get("observation") and texts.get("action")):
             raise ValueError(
                 f"path: {path} doesn't say which observations and actions it was trained with: "
                 "train it anew, or export it with `observation` and `action`"
             )
-        return Network(weights, biases, **texts)
+        return Network(weights, biases, **texts, highest=highest)
 
     def check(self, observation: str, action: str) -> None:
         """Raise ValueError unless it was trained with these layouts of observation and action."""
@@ -106,6 +112,11 @@ class Network:
                     f"network: it was trained with {what} {own or 'unknown'!r}, but those of this "
                     f"environment are {here!r}: choose a network that fits, or train one anew"
                 )
+
+
+def _is_bound(highest: tuple[float, ...]) -> bool:
+    """Return whether these can be the largest values of the three controls."""
+    return len(highest) == len(HIGHEST) and all(-1.0 <= value <= 1.0 for value in highest)
 
 
 def _fit(weights: tuple[Floats, ...], biases: tuple[Floats, ...]) -> bool:

@@ -28,7 +28,7 @@ from agents.evaluate import (
 )
 from agents.policies import LEARNED, NAMES, STATIC, Spec, build
 from agents.styles import style_of
-from sph_gym.controllers.network import shipped_network
+from sph_gym.controllers.shipped import network_of
 from sph_gym.env import env_id
 from sph_gym.env.instances import ODD
 from sph_gym.env.instances import parse as parse_instance
@@ -84,8 +84,8 @@ def specs(args: ComparisonArgs) -> list[Spec]:
         if name in STATIC:
             chosen.append(_search(args, name))
         elif name in LEARNED:
-            network = Path(networks.get(name, shipped_network(name, args.scene)))
-            if network.exists():
+            network = networks.get(name) or network_of(name, args.scene)
+            if network is not None:
                 chosen.append(Spec(name, network=str(network)))
             else:
                 print(f"{name}: no network has been trained for {args.scene}, left out")

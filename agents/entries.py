@@ -16,7 +16,7 @@ import pandas as pd
 from agents.evaluate import CLOCK, SOURCES
 from agents.policies import LEARNED, Spec
 from sph_gym.env import instances, manifest
-from sph_gym.env.distributions import FAMILIES
+from sph_gym.env.selection import GROUPS
 from sph_gym.files import atomic_write
 from sph_gym.provenance import content_hash, source_hash
 from sph_gym.solver.checks import known
@@ -24,7 +24,7 @@ from sph_gym.studies import machine
 from sph_gym.studies.results import COMMON
 
 FOLDER = Path(__file__).parents[1] / "docs" / "leaderboard"
-GAMES = tuple(name for name in FAMILIES if name not in instances.DIAGNOSTIC)
+GAMES = GROUPS["benchmark"]
 # Columns of a run: which training of the agent, the instance, and what `run_episode` measures.
 MEASURED = ("return", "work", "error", "beyond", "blowup", "steps")
 COLUMNS = ("training", "instance", *MEASURED)

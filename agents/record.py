@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from agents.arguments import option, parse
 from agents.evaluate import instance_ids
 from agents.policies import LEARNED, NAMES, Spec, build
-from sph_gym.controllers.network import shipped_network
+from sph_gym.controllers.shipped import network_of
 from sph_gym.env import env_id
 from sph_gym.env.dataset import record
 
@@ -35,7 +35,13 @@ def main(args: RecordingArgs) -> None:
     """Record what the arguments ask for, and print where it is."""
     network = args.network
     if network is None and args.agent in LEARNED:
-        network = str(shipped_network(args.agent, args.scene))
+        found = network_of(args.agent, args.scene)
+        if found is None:
+            raise ValueError(
+                f"network: expected a file, for no network of {args.agent} comes with the package, "
+                "got None"
+            )
+        network = str(found)
     dataset = record(
         env_id(args.scene),
         build(Spec(args.agent, args.settings, network), args.seed),

@@ -8,8 +8,9 @@ writes one for every environment with a trained policy; the site shows them on i
 import sys
 from pathlib import Path
 
-from sph_gym.controllers.network import shipped_network
-from sph_gym.env import SCENES, env_id
+from sph_gym.controllers.shipped import network_of
+from sph_gym.env import env_id
+from sph_gym.env.selection import GROUPS
 
 # Flow that is shown.
 INSTANCE = "{}/val/0"
@@ -24,9 +25,9 @@ def make(folder: Path) -> dict[str, str]:
     from agents.policies import LEARNED
 
     shown = {}
-    for scene in SCENES:
-        paths = {name: shipped_network(name, scene) for name in LEARNED}
-        networks = {name: path for name, path in paths.items() if path.is_file()}
+    for scene in GROUPS["benchmark"]:
+        paths = {name: network_of(name, scene) for name in LEARNED}
+        networks = {name: path for name, path in paths.items() if path is not None}
         if networks:
             name = env_id(scene).rpartition("/")[2]
             shown[name] = INSTANCE.format(scene)

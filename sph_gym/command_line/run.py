@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # Files that `run --window` opens.
 RECORDINGS = (".npz", ".h5", ".hdf5", ".pvd")
 # Known here too, since it takes long to import the controllers.
-CONTROLLERS = ("default", "cfl", "tuned_cfl", "adaptive", "best")
+CONTROLLERS = ("default", "cfl", "tuned_cfl", "adaptive", "pi", "best")
 SETTINGS = ("dt", "stiffness", "xsph")
 
 

@@ -1,11 +1,13 @@
 """Networks that come with the package, and which of them is best for a family of flows.
 
 A network NAME is two files of `networks/`: NAME.npz, numbers only, and NAME.json, its card. A name
-is an algorithm and the family that it was trained on, or "mixed" for all: ppo_dam_break, ppo_mixed.
+is an algorithm and the family that it was trained on, or "benchmark" for all of them: such as
+ppo_dam_break and ppo_benchmark.
 `networks/best.json` has the best network of every family.
 """
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from sph_gym.solver.checks import known
 # Entries of a card: what the network does, how it was trained and by which command, on which seeds,
 # how long [minutes], what it reached (figures with intervals), and where it must not be trusted.
 CARD = ("what", "how", "command", "seeds", "minutes", "figures", "limits")
-BEST, MIXED = "best", "mixed"
+BEST, BENCHMARK = "best", "benchmark"
 
 
 class ShippedPolicy:
@@ -40,7 +42,7 @@ class ShippedPolicy:
 
 
 def shipped(family: str) -> ShippedPolicy:
-    """Return the best network for a family of flows, such as "dam_break" or "mixed".
+    """Return the best network for a family of flows, such as "dam_break" or "benchmark".
 
     Raises ValueError if the package has none for it, or if its files are damaged.
     """
@@ -54,7 +56,7 @@ def shipped(family: str) -> ShippedPolicy:
 
 
 def load(name: str) -> ShippedPolicy:
-    """Return a network of the package by its name, such as "ppo_mixed".
+    """Return a network of the package by its name, such as "ppo_benchmark".
 
     Raises ValueError for an unknown name, a damaged file, or a card without all entries of CARD.
     """
@@ -76,15 +78,21 @@ def names() -> list[str]:
 
 
 def fitting(family: str) -> dict[str, str]:
-    """Return the networks for a family, by algorithm and as "best"; without the family, the mixed.
+    """Return the networks for a family, by algorithm and as "best".
 
-    An algorithm stands for its network of that family if there is one.
+    An algorithm stands for its network of that family, or else for the one for all families.
     """
     found: dict[str, str] = {}
-    for of in (MIXED, family):
+    for of in (BENCHMARK, family):
         found |= {n.removesuffix(f"_{of}"): n for n in names() if n.endswith(f"_{of}")}
     best = _best()
     return found | ({BEST: best[family]} if family in best else {})
+
+
+def network_of(algorithm: str, family: str) -> Path | None:
+    """Return the file of an algorithm's network for a family, None if the package has none."""
+    name = fitting(family).get(algorithm)
+    return None if name is None else SHIPPED / f"{name}.npz"
 
 
 def _best() -> dict[str, str]:

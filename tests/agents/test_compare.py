@@ -9,8 +9,9 @@ import pytest
 
 from agents import compare, evaluate, report
 from agents.policies import NAMES, Spec, build, play_network
-from sph_gym.controllers.network import SHIPPED, shipped_network
-from sph_gym.env import actions, env_id, observations
+from sph_gym.controllers.network import SHIPPED
+from sph_gym.controllers.shipped import network_of
+from sph_gym.env import SCENES, actions, env_id, observations
 from sph_gym.env.instances import ODD, SIZES
 from sph_gym.studies.averages import bootstrap_interval
 from tests.networks import tiny
@@ -77,13 +78,13 @@ def test_random_actions_follow_their_seed():
 def shipped():
     """Yield algorithm, scene and file of every network that comes with the package."""
     for path in sorted(SHIPPED.glob("*.npz")):
-        algorithm, _, scene = path.stem.partition("_")
-        yield algorithm, scene, path
+        family = next(each for each in (*SCENES, "benchmark") if path.stem.endswith(f"_{each}"))
+        yield path.stem.removesuffix(f"_{family}"), family, path
 
 
 def test_every_shipped_network_fits_its_environment():
     for algorithm, scene, path in shipped():
-        assert path == shipped_network(algorithm, scene)
+        assert path == network_of(algorithm, scene)
         env = gym.make(env_id(scene), dx=0.08)
         observation, _ = env.reset(seed=0)
         action = build(Spec(algorithm, network=str(path)), 0)(env, observation)

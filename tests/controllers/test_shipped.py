@@ -34,23 +34,23 @@ def choose(folder, **best):
 
 
 def test_the_best_network_of_a_family_is_a_policy_with_a_card(folder):
-    put(folder, "ppo_mixed", tiny(seed=1))
+    put(folder, "ppo_benchmark", tiny(seed=1))
     put(folder, "sac_dam_break", tiny(seed=2), limits="none known")
-    choose(folder, dam_break="sac_dam_break", drop_impact="ppo_mixed")
+    choose(folder, dam_break="sac_dam_break", drop_impact="ppo_benchmark")
     policy = shipped("dam_break")
     x = observation()
     assert np.array_equal(policy(x), tiny(seed=2)(x))
     assert policy.name == "sac_dam_break"
     assert policy.card["limits"] == "none known"
     assert set(CARD) <= set(policy.card)
-    assert shipped("drop_impact").card["what"] == "what of ppo_mixed"
+    assert shipped("drop_impact").card["what"] == "what of ppo_benchmark"
 
 
 def test_a_network_of_choices_returns_the_one_of_most_value(folder):
-    put(folder, "dqn_mixed", tiny(27, "none"))
+    put(folder, "dqn_benchmark", tiny(27, "none"))
     x = observation()
     values = tiny(27, "none")(x)
-    chosen = load("dqn_mixed")(x)
+    chosen = load("dqn_benchmark")(x)
     assert values[chosen] == values.max()
     assert chosen.shape == ()
 
@@ -61,11 +61,11 @@ def test_without_any_network_it_says_so(folder):
 
 
 def test_unknown_names_are_refused(folder):
-    put(folder, "ppo_mixed")
-    choose(folder, dam_break="ppo_mixed")
+    put(folder, "ppo_benchmark")
+    choose(folder, dam_break="ppo_benchmark")
     with pytest.raises(ValueError, match="shipped: expected one of dam_break, got 'dambreak'"):
         shipped("dambreak")
-    with pytest.raises(ValueError, match="network: expected one of ppo_mixed, got 'ppo'"):
+    with pytest.raises(ValueError, match="network: expected one of ppo_benchmark, got 'ppo'"):
         load("ppo")
 
 
@@ -78,27 +78,27 @@ def test_unknown_names_are_refused(folder):
     ],
 )
 def test_cards_that_are_none_are_refused(folder, text, message):
-    put(folder, "ppo_mixed")
-    (folder / "ppo_mixed.json").write_text(text)
+    put(folder, "ppo_benchmark")
+    (folder / "ppo_benchmark.json").write_text(text)
     with pytest.raises(ValueError, match=message):
-        load("ppo_mixed")
+        load("ppo_benchmark")
 
 
-def test_an_algorithm_stands_for_its_network_of_the_family_or_for_the_mixed_one(folder):
-    for name in ("ppo_mixed", "ppo_dam_break", "dqn_mixed", "sac_long_fall"):
+def test_an_algorithm_stands_for_its_network_of_the_family_or_for_the_benchmark_one(folder):
+    for name in ("ppo_benchmark", "ppo_dam_break", "dqn_benchmark", "sac_long_fall"):
         put(folder, name)
-    choose(folder, dam_break="dqn_mixed")
+    choose(folder, dam_break="dqn_benchmark")
     assert fitting("dam_break") == {
-        "ppo": "ppo_dam_break", "dqn": "dqn_mixed", "best": "dqn_mixed",
+        "ppo": "ppo_dam_break", "dqn": "dqn_benchmark", "best": "dqn_benchmark",
     }  # fmt: skip
-    assert fitting("droplet") == {"ppo": "ppo_mixed", "dqn": "dqn_mixed"}
+    assert fitting("droplet") == {"ppo": "ppo_benchmark", "dqn": "dqn_benchmark"}
 
 
 def test_what_is_shipped_is_complete():
     """Every network has a card, every family a network that is there, no name is that of a rule."""
     best = SHIPPED / f"{BEST}.json"
     chosen = json.loads(best.read_text()) if best.is_file() else {}
-    assert set(chosen) <= {*SCENES, "mixed"}
+    assert set(chosen) <= {*SCENES, "benchmark"}
     assert set(chosen.values()) <= set(names())
     assert bool(names()) == bool(chosen)
     for name in names():

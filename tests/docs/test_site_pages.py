@@ -6,7 +6,7 @@ import films
 import pytest
 import site_pages
 
-import sph_gym.controllers.network as shipped
+import sph_gym.controllers.shipped as shipped_networks
 from sph_gym.env import SCENES, documentation, env_id
 from tests.networks import tiny
 
@@ -58,18 +58,18 @@ def test_docstrings_become_what_autodoc_reads():
 
 
 def test_without_networks_no_page_has_a_film(folder, monkeypatch):
-    monkeypatch.setattr(shipped, "SHIPPED", folder / "none")
+    monkeypatch.setattr(shipped_networks, "SHIPPED", folder / "none")
     site_pages.write()
     assert not list(folder.rglob("*.mp4"))
     assert not any("Film" in path.read_text() for path in folder.rglob("environments/*.md"))
 
 
 def test_a_trained_policy_gets_a_film_beside_the_tuned_rule(folder, monkeypatch):
-    scene = "relaxation"
+    scene = "patch_impact"
     networks = folder / "networks"
     networks.mkdir()
-    monkeypatch.setattr(shipped, "SHIPPED", networks)
-    tiny().save(shipped.shipped_network("ppo", scene))
+    monkeypatch.setattr(shipped_networks, "SHIPPED", networks)
+    tiny().save(networks / f"ppo_{scene}.npz")
     site_pages.write()
     name = env_id(scene).rpartition("/")[2]
     made = folder / "extra" / "films" / name / "side_by_side.mp4"

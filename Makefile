@@ -11,13 +11,11 @@ demo: .venv/.studies
 		--grid 3 4 2 --output runs/demo
 
 demo-rl: .venv/.agents
-	$(BIN)/python -m agents.ppo --scene dam_break --steps 30000 --output runs/demo-rl
-	$(BIN)/python -m agents.compare --scene dam_break --n-instances 6 --n-search 4 \
-		--grid 3 4 2 --networks ppo runs/demo-rl/ppo_dam_break_seed0/network.npz --output runs/demo-rl
-
-# The site: docs/_build/html/index.html. It needs no network, neither to be built nor to be read.
-docs: .venv/.docs
-	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
+	$(BIN)/python -m agents.ppo_warm --scene dam_break --n-envs 4 --held 8000 --steps 60000 \
+		--output runs/demo-rl
+	$(BIN)/python -m agents.compare --scene dam_break --agents default tuned_cfl ppo_warm \
+		--n-instances 16 --networks ppo_warm runs/demo-rl/ppo_warm_dam_break_seed0/network.npz \
+		--output runs/demo-rl
 
 # What a contributor needs: minutes. The solver runs as plain Python too, which tests each effect
 # by itself without compiling it.

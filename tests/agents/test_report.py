@@ -219,3 +219,8 @@ def test_what_is_missing_is_refused(tmp_path):
     del incomplete["cpu"]
     with pytest.raises(KeyError, match="cpu"):
         report.write_report(tmp_path, incomplete)
+
+
+@pytest.mark.parametrize("name", styles.STYLES)
+def test_every_marker_has_an_area_that_the_page_can_draw(name):
+    assert report._shape(styles.STYLES[name].marker).startswith("M")

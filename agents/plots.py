@@ -353,7 +353,15 @@ def _mark(
     edge, face, width = (style.colour, "white", 1.6) if hollow else ("white", style.colour, 0.8)
     scale = SIZES.get(style.marker, 1.0)
     ax.plot(
-        x, y, style.marker, ms=scale * size, mfc=face, mec=edge, mew=width, zorder=5 - scale / 2
+        x,
+        y,
+        marker=style.marker,
+        ls="none",
+        ms=scale * size,
+        mfc=face,
+        mec=edge,
+        mew=width,
+        zorder=5 - scale / 2,
     )
 
 

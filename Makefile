@@ -17,6 +17,10 @@ demo-rl: .venv/.agents
 		--n-instances 16 --networks ppo_warm runs/demo-rl/ppo_warm_dam_break_seed0/network.npz \
 		--output runs/demo-rl
 
+# The site: docs/_build/html/index.html. It needs no network, neither to be built nor to be read.
+docs: .venv/.docs
+	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
+
 # What a contributor needs: minutes. The solver runs as plain Python too, which tests each effect
 # by itself without compiling it.
 test: .venv/.dev lint

@@ -40,7 +40,7 @@ def test_a_rule_is_new_in_every_run(scene):
 
 def test_networks_of_the_package_that_fit_are_controllers(folder, scene):
     put(folder, "ppo_dam_break")
-    put(folder, "sac_mixed", tiny(n_out=2))
+    put(folder, "sac_benchmark", tiny(n_out=2))
     choose(folder, dam_break="ppo_dam_break")
     assert [*controllers(scene)] == [*RULES, "ppo", "best"]
     assert isinstance(controller("best", scene), Pilot)
@@ -52,8 +52,8 @@ def test_networks_of_the_package_that_fit_are_controllers(folder, scene):
 
 
 def test_unknown_names_are_refused_with_all_that_are_known(folder, scene):
-    put(folder, "ppo_mixed")
-    wanted = "controller: expected one of default, cfl, tuned_cfl, adaptive, ppo, FILE.npz, got"
+    put(folder, "ppo_benchmark")
+    wanted = "controller: expected one of default, cfl, tuned_cfl, adaptive, pi, ppo, FILE.npz, got"
     with pytest.raises(ValueError, match=f"{wanted} 'pppo' .did you mean 'ppo'"):
         controller("pppo", scene)
 

@@ -11,7 +11,7 @@ from agents.policies import Spec, build
 from sph_gym.controllers import TunedCfl
 from sph_gym.env.tuning import TuningEnv
 
-INSTANCE, LONGER = "relaxation/train/0", "drop_impact/val/2/dx=0.08"
+INSTANCE, LONGER = "patch_impact/train/0", "drop_impact/val/2/dx=0.08"
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def at_once(monkeypatch):
 
 def test_a_rule_answers_for_every_state_that_it_visits():
     lesson = lessons.take("tuned_cfl", None, INSTANCE, 0)
-    env = TuningEnv("relaxation")
+    env = TuningEnv("patch_impact")
     observation, _ = env.reset(options={"instance": INSTANCE})
     for seen, answer in zip(lesson["observations"], lesson["actions"], strict=True):
         expected = env.action_toward(TunedCfl()(env.sim))
@@ -108,14 +108,14 @@ def test_a_network_learns_the_answers(at_once):
 
 def test_it_learns_in_rounds_and_takes_no_lesson_twice(tmp_path, at_once):
     args = ImitationArgs(
-        scene="relaxation", teacher="tuned_cfl", rounds=2, lessons=1, n_evaluations=1,
+        scene="patch_impact", teacher="tuned_cfl", rounds=2, lessons=1, n_evaluations=1,
         output=tmp_path,
     )  # fmt: skip
     imitation.train(args)
-    assert [job.instance for job in at_once] == ["relaxation/train/0", "relaxation/train/1"]
+    assert [job.instance for job in at_once] == ["patch_impact/train/0", "patch_impact/train/1"]
     assert at_once[0].learner is None
     assert at_once[1].learner.endswith("round0.npz")
-    env = gym.make("sph_gym/Relaxation-v1")
+    env = gym.make("sph_gym/PatchImpact-v1")
     observation, _ = env.reset(seed=0)
     network = args.folder / "network.npz"
     action = build(Spec("imitation", network=str(network)), 0)(env, observation)

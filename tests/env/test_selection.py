@@ -41,7 +41,7 @@ def test_options_come_first_and_take_no_turn():
 
 
 def test_a_list_may_hold_flows_of_all_scenes_in_mixed():
-    chosen = ["drop_impact/val/1/dx=0.08", "relaxation/val/0/dx=0.1"]
+    chosen = ["drop_impact/val/1/dx=0.08", "patch_impact/val/0/dx=0.08"]
     assert shown(TuningEnv("mixed", instances=chosen), 3) == [*chosen, chosen[0]]
 
 

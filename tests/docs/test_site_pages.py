@@ -23,6 +23,8 @@ def folder(tmp_path, monkeypatch):
         "EXTRA": ("extra",),
     }.items():
         monkeypatch.setattr(site_pages, name, tmp_path.joinpath(*parts))
+    # with networks, there would be films as well
+    monkeypatch.setattr(shipped_networks, "SHIPPED", tmp_path / "none")
     return tmp_path
 
 
@@ -60,8 +62,7 @@ def test_docstrings_become_what_autodoc_reads():
 # --- Films ----------------------------------------------------------------------------------
 
 
-def test_without_networks_no_page_has_a_film(folder, monkeypatch):
-    monkeypatch.setattr(shipped_networks, "SHIPPED", folder / "none")
+def test_without_networks_no_page_has_a_film(folder):
     site_pages.write()
     assert not list(folder.rglob("*.mp4"))
     assert not any("Film" in path.read_text() for path in folder.rglob("environments/*.md"))

@@ -205,7 +205,7 @@ def plot_trades(runs: pd.DataFrame, path: Path) -> None:
         ax.set_title("↙ better", loc="right", size=10, color=MUTED)
         _cost_scales([ax])
         handles = [_agent_handle(agent, runs) for agent in _ranking(runs)]
-        _legend(figure, [*handles, _handle("tolerance", "", INK, ls="--", lw=1.0)], 4)
+        _legend(figure, [*handles, _handle("tolerance", "", INK, ls="--", lw=1.0)], 2)
 
 
 def plot_reward_terms(runs: pd.DataFrame, path: Path) -> None:

@@ -80,7 +80,7 @@ def learner(name: str, networks: Sequence[str], trained_on: Sequence[str]) -> Ag
 
 
 class Entry(NamedTuple):
-    """What a file holds: digests and times (`about`), and a table of COLUMNS, a row a run."""
+    """Contents of a file: digests and times (`about`), and a table of COLUMNS, a row a run."""
 
     about: dict[str, Any]
     runs: pd.DataFrame

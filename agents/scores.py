@@ -22,7 +22,7 @@ from agents.entries import Entry
 from sph_gym.env import instances
 
 RULE, ORACLE = "tuned_cfl", "lookahead"
-# Of mean reward a step between rule and oracle: the least for which an instance has a score.
+# Smallest gap in mean reward a step between rule and oracle for which an instance has a score.
 GAP = 0.05
 REPLICAS, LEVEL = 2000, 0.95
 # Instances that make a family a stratum of its own.

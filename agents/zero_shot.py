@@ -1,4 +1,4 @@
-"""What transfers: gains over the tuned rule where an agent was not trained.
+"""Transfer: gains over the tuned rule where an agent was not trained.
 
 A gain is the mean reward a step above the tuned rule's on the same instances; all runs are those of
 the leaderboard's files. Three tables: flows of "ood", shift by shift, against the test flows; the

@@ -30,7 +30,7 @@ NEEDED = (
     "recommend/data/runs/dam_break.csv",
     "scenes/data/elliptical_drop.csv",
 )
-# What a user does first, in a folder of their own. Nothing of it needs an extra or a display.
+# First steps of a user, in a folder of their own. Nothing of them needs an extra or a display.
 PROGRAM = """
 import sys
 from pathlib import Path

@@ -22,7 +22,7 @@ damped = scenes.make("dam_break", dx=0.03, tank=4.0)
 bare = replace(damped, effects=replace(damped.effects, artificial_viscosity=None))
 
 # %%
-# What it does: the kernels of the article heat a fluid that nothing damps. Without viscosity,
+# Effect on the flow: the kernels of the article heat a fluid that nothing damps. Without viscosity,
 # velocities differ from one particle to the next, as in a gas.
 
 figure, axes = plt.subplots(2, figsize=(8, 6.8), layout="constrained")
@@ -36,8 +36,8 @@ for scene, title, axis in zip((damped, bare), ("alpha = 0.02", "no viscosity"), 
     print(f"{title}: mean square of the velocity noise {noise:.4f} m^2/s^2")
 
 # %%
-# What it costs: both scenes set out from the same state again and again, in turns, so that other
-# work of the machine disturbs both alike.
+# Cost: both scenes set out from the same state again and again, in turns, so that other work of the
+# machine disturbs both alike.
 
 runners = [Runner(scene, work=100_000) for scene in (damped, bare)]
 same_home(runners)

@@ -32,8 +32,8 @@ scene = Scene(
 )
 
 # %%
-# What is odd about a scene is told at once: `warnings` is empty here. Input that can't be right
-# raises a `ValueError`.
+# `warnings` tells at once if a scene is odd: it is empty here. Input that can't be right raises a
+# `ValueError`.
 
 sim = Simulation(scene)
 print("warnings:", sim.warnings)

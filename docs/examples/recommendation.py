@@ -22,7 +22,7 @@ for name, value in describe(advice):
     print(f"{name:<16}{value}")
 
 # %%
-# The same as a program:
+# Print the recommendation as a program:
 
 print(program(advice))
 

@@ -1,4 +1,4 @@
-"""What a command leaves behind: an exit status, and data that a program can read."""
+"""Outcome of a command: an exit status, and data that a program can read."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What backends cost: `python -m sph_gym.studies.overhead` times a sweep of runs of a second each.
+"""Cost of backends: `python -m sph_gym.studies.overhead` times a sweep of runs of a second each.
 
 A run waits and does nothing else, so that what is above n / workers seconds is the backend's own.
 """

@@ -44,7 +44,7 @@ class Page(HTMLParser):
 
 
 class Fault(NamedTuple):
-    """What is wrong with a target on a page."""
+    """Fault of a target on a page."""
 
     page: str
     target: str

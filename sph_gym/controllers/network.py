@@ -2,6 +2,7 @@
 
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -62,8 +63,13 @@ class Network:
                 np.tanh(x, out=x) if self.activation == "tanh" else np.maximum(x, 0.0, out=x)
         if self.squash == "clip":
             np.maximum(x, -1.0, out=x)
-            return np.minimum(x, np.array(self.highest, np.float32), out=x)
+            return np.minimum(x, self._ceiling, out=x)
         return np.tanh(x, out=x) if self.squash == "tanh" else x
+
+    @cached_property
+    def _ceiling(self) -> Floats:
+        """The largest action as an array: made once, for it is needed in every call."""
+        return np.array(self.highest, np.float32)
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file that `load` reads; a kill leaves all of it or what was there before."""

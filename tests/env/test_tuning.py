@@ -11,7 +11,7 @@ from gymnasium.error import ResetNeeded
 
 import sph_gym
 from sph_gym import scenes
-from sph_gym.env import SCENES, env_id, rewards, scene_of
+from sph_gym.env import SCENES, env_id, registration, rewards, scene_of, selection
 from sph_gym.env.episode import INFO
 from sph_gym.env.fingerprint import digest, fingerprint
 from sph_gym.env.instances import DIAGNOSTIC
@@ -535,6 +535,10 @@ def test_mixed_draws_from_all_scenes():
     assert drawn == set(SCENES)
     _, info = made.reset(options={"instance": "patch_impact/val/1"})
     assert info["instance_id"] == "patch_impact/val/1"
+
+
+def test_the_groups_that_have_an_id_are_those_that_scenes_are_drawn_from():
+    assert tuple(selection.GROUPS) == registration.GROUPS
 
 
 def test_benchmark_draws_from_all_scenes_that_are_no_diagnostics():

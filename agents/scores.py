@@ -16,10 +16,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import trim_mean
 
 from agents.entries import Entry
 from sph_gym.env import instances
+from sph_gym.studies.averages import interquartile_mean
 
 RULE, ORACLE = "tuned_cfl", "lookahead"
 # Smallest gap in mean reward a step between rule and oracle for which an instance has a score.
@@ -71,11 +71,6 @@ def tables_by_family(runs: pd.DataFrame, measure: str) -> list[Values]:
         if table.size:
             tables.append(table.to_numpy(float))
     return tables
-
-
-def interquartile_mean(values: Values) -> Values:
-    """Return the mean without the lowest and the highest quarter, along the last axis."""
-    return np.asarray(trim_mean(values, 0.25, axis=-1))
 
 
 def mean(values: Values) -> Values:

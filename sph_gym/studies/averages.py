@@ -1,16 +1,18 @@
 """Averages and intervals of a few values."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 Values = NDArray[np.float64]
 
 
-def interquartile_mean(values: Values) -> float:
-    """Return the mean without the lowest and the highest quarter."""
+def interquartile_mean(values: Values) -> Any:
+    """Return the mean without the lowest and the highest quarter, along the last axis."""
     from scipy.stats import trim_mean
 
-    return float(trim_mean(values, 0.25))
+    return trim_mean(values, 0.25, axis=-1)
 
 
 def bootstrap_interval(values: Values) -> tuple[float, float, float]:

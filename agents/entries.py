@@ -1,7 +1,7 @@
 """Entries of the leaderboard: one JSON file an agent, with all it was measured on and with what.
 
 A file holds the runs of one agent and the digests of what decides them: the manifests (which flows
-the ids mean, and their references), the networks, and the sources. Runs are the same wherever they
+the ids mean, and their references), the networks or the table of settings, and the sources. Runs are the same wherever they
 are repeated, to the last digit; only the policy's own time isn't, so it is one number, with the
 machine.
 """
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from agents.evaluate import CLOCK, SOURCES
-from agents.policies import LEARNED, Spec
+from agents.policies import LEARNED, STATIC, Spec
 from sph_gym.env import instances, manifest
 from sph_gym.env.selection import GROUPS
 from sph_gym.files import atomic_write
@@ -50,12 +50,27 @@ class Agent(NamedTuple):
         paths = {Path(spec.network) for spec in specs if spec.network is not None}
         return {f"{path.parent.name}/{path.name}": content_hash(path) for path in sorted(paths)}
 
+    @property
+    def table(self) -> str | None:
+        """Digest of its table of settings, None for agents without."""
+        tables = {spec.table for family in self.specs.values() for spec in family}
+        return next((content_hash(Path(table)) for table in tables if table is not None), None)
 
-def rule(name: str) -> Agent:
-    """Return an agent that was not trained. Raises ValueError for one that needs a network."""
+
+def rule(name: str, table: Path | None = None) -> Agent:
+    """Return an agent that was not trained; table: of the settings, for a static agent.
+
+    Raises ValueError for one that needs a network, or a table that it has not.
+    """
     if name in LEARNED:
         raise ValueError(f"agents: {name} needs networks, give it as --learner with --networks")
-    return Agent(name, {family: (Spec(name),) for family in GAMES})
+    if (name in STATIC) != (table is not None):
+        needed = "a file of settings" if name in STATIC else "none"
+        raise ValueError(f"table: expected {needed} for {name}, got {table}")
+    if table is not None and not table.is_file():
+        raise ValueError(f"table: there is no file {table}")
+    spec = Spec(name, table=None if table is None else str(table))
+    return Agent(name, {family: (spec,) for family in GAMES})
 
 
 def learner(name: str, networks: Sequence[str], trained_on: Sequence[str]) -> Agent:
@@ -109,6 +124,7 @@ def make(agent: Agent, runs: pd.DataFrame) -> Entry:
         "version": manifest.VERSION,
         "trained_on": list(agent.trained_on),
         "networks": agent.networks,
+        "table": agent.table,
         "sources": sources(),
         "manifests": manifests(),
         "policy_microseconds": round(1e6 * float(runs[CLOCK].median()), 1),

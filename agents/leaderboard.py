@@ -32,6 +32,9 @@ class LeaderboardArgs(BackendArgs):
     """Arguments of the leaderboard: who plays, what is played, and where results are."""
 
     agents: tuple[str, ...] = option("agents without training; lookahead is the oracle", RULES)
+    table: Path | None = option(
+        "settings that a static agent plays, as static_search writes them", None
+    )
     learner: str | None = option(
         "play a learner instead: a name that begins with its algorithm, as ppo or ppo-small", None
     )
@@ -58,7 +61,7 @@ def agents_of(args: LeaderboardArgs) -> list[Agent]:
     elif args.networks:
         raise ValueError("networks: expected none without --learner")
     else:
-        found = [entries.rule(name) for name in args.agents]
+        found = [entries.rule(name, args.table) for name in args.agents]
     for agent in found:
         for spec in agent.specs[GAMES[0]]:
             build(spec, 0)
@@ -146,8 +149,9 @@ def kept_runs(agent: Agent, args: LeaderboardArgs) -> Entry | None:
         return None
     entry = entries.read(path)
     about = entry.about
-    if about["networks"] != agent.networks or about["manifests"] != entries.manifests():
-        print(f"{agent.name}: other networks or flows than in {path}, all is played anew")
+    present = (agent.networks, agent.table, entries.manifests())
+    if (about["networks"], about.get("table"), about["manifests"]) != present:
+        print(f"{agent.name}: other networks, settings or flows than in {path}, all played anew")
         return None
     if about["sources"] == entries.sources():
         return entry

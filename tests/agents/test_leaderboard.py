@@ -1,6 +1,7 @@
 """The leaderboard of made-up runs, what its files keep, and the page that is made of them."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ from agents.entries import COLUMNS, GAMES, Agent, Entry
 from agents.evaluate import CLOCK, run_episode
 from agents.policies import Spec
 from sph_gym.env.instances import ODD
+from sph_gym.provenance import content_hash
 from tests.networks import tiny
 
 N = 8
@@ -279,7 +281,19 @@ def test_other_networks_and_flows_make_other_results(tmp_path, played, capsys):
     played.clear()
     leaderboard.play(args(tmp_path, **mine))
     assert len(played) == 6
-    assert capsys.readouterr().out.count("other networks or flows") == 2
+    assert capsys.readouterr().out.count("other networks, settings or flows") == 2
+
+
+def test_other_settings_make_other_results_of_a_static_agent(tmp_path, played):
+    table = tmp_path / "settings.json"
+    static = {"agents": ("hindsight",), "table": table, "n_instances": 1}
+    for courant, again in ((0.5, False), (0.6, False), (0.6, True)):
+        table.write_text(json.dumps(dict.fromkeys(GAMES, [courant, 0.5, 0.3])))
+        played.clear()
+        (path,) = leaderboard.play(args(tmp_path, **static))
+        assert all(job.spec == Spec("hindsight", table=str(table)) for job in played)
+        assert (not played) == again
+        assert entries.read(path).about["table"] == content_hash(table)
 
 
 def test_a_learner_has_a_network_of_each_training_and_may_have_one_of_each_family(tmp_path):
@@ -300,6 +314,9 @@ def test_a_learner_has_a_network_of_each_training_and_may_have_one_of_each_famil
         ({"agents": ("nobody",)}, "agent: expected one of"),
         ({"agents": ("ppo",)}, "ppo needs networks"),
         ({"networks": ("x.npz",)}, "networks: expected none without --learner"),
+        ({"agents": ("tpe",)}, "table: expected a file of settings for tpe, got None"),
+        ({"table": Path("x.json")}, "table: expected none for cfl, got x.json"),
+        ({"agents": ("tpe",), "table": Path("x.json")}, "table: there is no file x.json"),
         ({"learner": "nobody", "networks": ("x.npz",)}, "learner: expected one of"),
         ({"learner": "ppo"}, "a file of each training of ppo, got none"),
         ({"learner": "ppo", "networks": ("x.npz",)}, "there is no file x.npz"),

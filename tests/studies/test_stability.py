@@ -50,10 +50,10 @@ COSTLY = {
     for density in ("summed", "by continuity")
 }
 
+NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name in COSTLY else []) for name in CASES]
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] if n in COSTLY else []) for n in CASES]
-)
+
+@pytest.mark.parametrize("name", NAMES)
 def test_each_case_holds_as_it_is(name):
     assert missed(name, AS_IT_IS) == []
 
@@ -156,7 +156,7 @@ def stand_still(sim, seconds):
     return Report(max(round(seconds / sim.controls.dt), 1), sim.controls.dt)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_solver_that_stands_still_fails_every_case(name, monkeypatch):
     monkeypatch.setattr(Simulation, "advance", stand_still)
     case = CASES[name]

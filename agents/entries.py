@@ -1,9 +1,9 @@
 """Entries of the leaderboard: one JSON file an agent, with all it was measured on and with what.
 
 A file holds the runs of one agent and the digests of what decides them: the manifests (which flows
-the ids mean, and their references), the networks or the table of settings, and the sources. Runs are the same wherever they
-are repeated, to the last digit; only the policy's own time isn't, so it is one number, with the
-machine.
+the ids mean, and their references), the networks or the table of settings, and the sources. Runs
+are the same wherever they are repeated, to the last digit; only the policy's own time isn't, so it
+is one number, with the machine.
 """
 
 import json
@@ -70,7 +70,7 @@ def rule(name: str, table: Path | None = None) -> Agent:
     if table is not None and not table.is_file():
         raise ValueError(f"table: there is no file {table}")
     spec = Spec(name, table=None if table is None else str(table))
-    return Agent(name, {family: (spec,) for family in GAMES})
+    return Agent(name, dict.fromkeys(GAMES, (spec,)))
 
 
 def learner(name: str, networks: Sequence[str], trained_on: Sequence[str]) -> Agent:

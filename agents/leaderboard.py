@@ -1,7 +1,7 @@
 """The leaderboard: agents on fixed instances of all benchmark families, kept as one file an agent.
 
-What is played is kept and not played again. `--page` makes the tables and pictures of the page from
-the files alone.
+What is played is kept and not played again. `--page` makes the tables and pictures of the page, and
+the figures on the cards of the shipped networks, from the files alone.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from agents import board, entries, scores, zero_shot
+from agents import board, cards, entries, scores, zero_shot
 from agents.arguments import BackendArgs, option, parse
 from agents.entries import GAMES, Agent, Entry
 from agents.evaluate import Job, instance_ids, run_episodes
@@ -51,7 +51,9 @@ class LeaderboardArgs(BackendArgs):
     )
     results: Path = option("folder of the files", entries.FOLDER)
     output: Path = option("folder of finished episodes", Path("runs/leaderboard"))
-    page: bool = option("only write the tables and pictures of docs/agents.md", False)
+    page: bool = option(
+        "only write tables and pictures of docs/agents.md, and the figures of cards", False
+    )
 
 
 def agents_of(args: LeaderboardArgs) -> list[Agent]:
@@ -204,8 +206,9 @@ def filled(page: str, blocks: dict[str, Any]) -> str:
 def write_page(folder: Path, page: Path = PAGE) -> None:
     """Write tables into the page, and the pictures beside it."""
     found = entries.read_all(folder)
+    runs = scores.runs_of(found)
     text = filled(page.read_text(encoding="utf-8"), texts(found))
-    board.draw(scores.runs_of(found), page.parent / "pictures")
+    board.draw(runs, page.parent / "pictures")
     with atomic_write(page) as draft:
         draft.write_text(text, encoding="utf-8")
 
@@ -214,7 +217,9 @@ def main(args: LeaderboardArgs) -> None:
     """Do what the arguments ask for."""
     if args.page:
         write_page(args.results)
-        print(f"written: {PAGE}")
+        found = entries.read_all(args.results)
+        cards.write(found, scores.runs_of(found))
+        print(f"written: {PAGE} and the cards of the shipped networks")
         return
     for path in play(args):
         print(f"results: {path}")

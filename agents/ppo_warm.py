@@ -21,7 +21,7 @@ from agents.imitation import ImitationArgs
 from agents.ppo import export, layers
 from agents.training import Training, TrainingArgs
 from agents.validation import NETWORK
-from sph_gym.controllers import Network, TunedCfl
+from sph_gym.controllers import Network
 from sph_gym.env import actions
 from sph_gym.solver.checks import in_range, positive
 
@@ -34,13 +34,12 @@ class WarmArgs(TrainingArgs):
         "exported network to begin with, by default one that imitates the adaptive rule", None
     )
     courant: float = option(
-        "largest dt c / h that the policy may ask for: with longer steps, some impacts blow up",
-        TunedCfl().courant,
+        "largest dt c / h that the policy may ask for: with longer steps, some impacts blow up", 0.9
     )
     spread: tuple[float, float, float] = option(
         "standard deviations with which dt, stiffness and epsilon are explored at the start, in "
         "coordinates of the action: a longer step soon blows up, so that dt gets less",
-        (0.05, 0.14, 0.14),
+        (0.04, 0.06, 0.08),
     )
     held: int = option("steps during which it stays as it is, while its value is learned", 20_000)
 

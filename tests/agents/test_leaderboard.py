@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from agents import board, entries, leaderboard, scores, zero_shot
+from agents import board, cards, entries, leaderboard, scores, zero_shot
 from agents.entries import COLUMNS, GAMES, Agent, Entry
 from agents.evaluate import CLOCK, run_episode
 from agents.policies import Spec
+from sph_gym.controllers.shipped import names
 from sph_gym.env.instances import ODD
 from sph_gym.provenance import content_hash
 from tests.networks import tiny
@@ -288,7 +289,7 @@ def test_other_settings_make_other_results_of_a_static_agent(tmp_path, played):
     table = tmp_path / "settings.json"
     static = {"agents": ("hindsight",), "table": table, "n_instances": 1}
     for courant, again in ((0.5, False), (0.6, False), (0.6, True)):
-        table.write_text(json.dumps(dict.fromkeys(GAMES, [courant, 0.5, 0.3])))
+        table.write_text(json.dumps({family: [courant, 0.5, 0.3] for family in GAMES}))
         played.clear()
         (path,) = leaderboard.play(args(tmp_path, **static))
         assert all(job.spec == Spec("hindsight", table=str(table)) for job in played)
@@ -360,6 +361,20 @@ def test_the_page_agrees_with_the_files():
     assert leaderboard.filled(page, leaderboard.texts(found)) == page, (
         "python -m agents.leaderboard --page"
     )
+
+
+def test_the_cards_of_shipped_networks_agree_with_the_files():
+    found = entries.read_all(entries.FOLDER)
+    renewed = cards.renewed(found, scores.runs_of(found))
+    assert {path.stem for path in renewed} == set(names())
+    for path, card in renewed.items():
+        assert json.loads(path.read_text()) == card, "python -m agents.leaderboard --page"
+
+
+def test_a_network_that_has_not_played_has_no_figures(tmp_path):
+    tiny().save(tmp_path / "new.npz")
+    found = entries.read_all(entries.FOLDER)
+    assert cards.figures(tmp_path / "new.npz", found, scores.runs_of(found)) is None
 
 
 def test_the_files_are_of_the_present_flows():

@@ -295,7 +295,8 @@ def _panel(ax: Axes, label: str, scale: str) -> None:
     ax.set_title(label, size=10)
     if scale == "log":
         ax.set_yscale("log")
-        ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        # controls stay within a decade, where 1, 2 and 5 alone may label a single place
+        ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5, 7)))
         ax.yaxis.set_major_formatter("{x:g}")
         ax.yaxis.set_minor_formatter(NullFormatter())
     if scale == "symlog":

@@ -18,6 +18,8 @@ from sph_gym.env.rewards import MILDEST, MOST_WORK, WINDOW, WORST, Tolerances
 # Files that the report looks for in its folder, and those that it must be given.
 PLOTS = ("returns.png", "cost_against_error.png", "reward_terms.png", "controls.png")
 ANIMATION = "side_by_side.mp4"
+# With fewer runs a bootstrap interval is far too narrow.
+FEW = 5
 CONTEXT = ("scene", "instances", "recorded_instance", "command", "versions", "cpu", "date", "notes")
 
 
@@ -86,6 +88,8 @@ def headline(summary: pd.DataFrame) -> str:
         f"{first['work']:.2f} times the work of the tuned CFL rule."
     )
     text += _lead(first, summary)
+    if first["runs"] < FEW:
+        text += " So few runs say little, and their interval less: take 16 instances or more."
     text += f" It blew up in {first['blowup']:.0f} % of its runs." if first["blowup"] else ""
     others = rivals[rivals["agent"] != first["agent"]]
     near = others[others["return_high"] >= first["return_low"]]

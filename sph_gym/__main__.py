@@ -2,7 +2,12 @@
 
 import sys
 
-from sph_gym.command_line import main
+try:
+    from sph_gym.command_line import main
+except KeyboardInterrupt:
+    # Ctrl-C in the first second, before `main` is there to catch it
+    print("sph_gym: interrupted", file=sys.stderr)
+    sys.exit(130)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -20,7 +20,8 @@ from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.warnings import short
 from sph_gym.trajectory import Recorder, read
 from sph_gym.view import History, Painter, Recording, Window, write_video
-from sph_gym.view.colors import available
+from sph_gym.view.colors import available, quantity
+from sph_gym.view.video import video_target
 
 VIDEO_WIDTH, VIDEO_FPS = 960, 30
 # So many particles are logged if nobody says which.
@@ -75,30 +76,43 @@ def run(
     until = sim.scene.duration if seconds is None else positive("seconds", seconds)
     readings = Readings(sim) if readings is None else readings
     shown = PictureStyle(**style)._asdict()
+    # wrong words about pictures are told before anything is computed, or if there are no pictures
+    quantity(shown["color"])
+    if video is not None:
+        video_target(video)
     kept = nullcontext() if save is None else Recorder(save, sim, readings.gauges)
-    with readings, kept as recorder:
-        # the window does the steering itself: there, others can take over
-        steer = None if window else steering.controllers.get(steering.name)
-        course = Course(sim, until, n_logged, readings, recorder, steer)
-        if video is not None:
-            painter = Painter(sim.scene, size=VIDEO_WIDTH, **shown)
-            pictures = (painter.paint(sim, title=sim.scene.name) for _ in course)
-            write_video(video, pictures, VIDEO_FPS)
-            print(f"video: {video}")
-        elif window:
-            _watch(
-                course, Window(sim.scene, controllers=steering.controllers, **shown), steering.name
-            )
-        else:
-            for _ in course:
-                pass
+    try:
+        with readings, kept as recorder:
+            # the window does the steering itself: there, others can take over
+            steer = None if window else steering.controllers.get(steering.name)
+            course = Course(sim, until, n_logged, readings, recorder, steer)
+            if video is not None:
+                painter = Painter(sim.scene, size=VIDEO_WIDTH, **shown)
+                pictures = (painter.paint(sim, title=sim.scene.name) for _ in course)
+                write_video(video, pictures, VIDEO_FPS)
+                print(f"video: {video}")
+            elif window:
+                view = Window(sim.scene, controllers=steering.controllers, **shown)
+                _watch(course, view, steering.name)
+            else:
+                for _ in course:
+                    pass
+    except KeyboardInterrupt:
+        # the files are complete up to here
+        _tell_files(readings, save)
+        raise
     if sim.warnings:
         print(f"warnings: {', '.join(map(short, sim.warnings))}")
+    _tell_files(readings, save)
+    return int(sim.last_report.diverged or readings.offender is not None)
+
+
+def _tell_files(readings: Readings, save: str | None) -> None:
+    """Print which files a run has written."""
     if readings.path is not None:
         print(f"table: {readings.path}")
     if save is not None:
         print(f"trajectory: {save}")
-    return int(sim.last_report.diverged or readings.offender is not None)
 
 
 def replay(path: str | os.PathLike[str], **style: Any) -> int:

@@ -8,12 +8,13 @@ import sys
 import numpy as np
 import pytest
 
-from sph_gym import Simulation, studies
+from sph_gym import Simulation, studies, trajectory
 from sph_gym.__main__ import main
-from sph_gym.command_line import PIPE_CLOSED
+from sph_gym.command_line import INTERRUPTED, PIPE_CLOSED
 from sph_gym.command_line.parser import FAILED, WRONG
 from sph_gym.command_line.study import STUDIES
 from sph_gym.extras import progress_bar
+from sph_gym.readings import Readings
 from sph_gym.scenes import droplet
 from sph_gym.solver.warnings import Warning
 from tests.networks import tiny
@@ -92,6 +93,9 @@ def test_a_video_is_written(tmp_path):
         ["run", "relaxation", "--seconds", "-1"],
         ["run", "relaxation", "--dt", "0"],
         ["run", "relaxation", "--dtype", "float16"],
+        ["run", "relaxation", "--color", "smell"],
+        ["run", "relaxation", "--video", "film.avi"],
+        ["run", "relaxation", "--save", "run.csv"],
         ["run", "relaxation", "--gauge", "pressure"],
         ["run", "relaxation", "--gauge", "force:right"],
         ["run", "relaxation", "--gauges", "nowhere.csv"],
@@ -112,9 +116,29 @@ def test_a_video_is_written(tmp_path):
 )
 def test_wrong_words_give_one_clear_line(arguments, capsys):
     assert main(arguments) == 2
-    error = capsys.readouterr().err
+    out, error = capsys.readouterr()
     assert error.startswith("sph_gym: ")
     assert "expected" in error
+    # nothing was run before
+    assert not out
+
+
+def test_an_interrupted_run_tells_what_it_has_written(tmp_path, capsys, monkeypatch):
+    real, frames = Readings.advance, []
+
+    def advance(self, seconds):
+        frames.append(seconds)
+        if len(frames) > 2:
+            raise KeyboardInterrupt
+        return real(self, seconds)
+
+    monkeypatch.setattr(Readings, "advance", advance)
+    monkeypatch.chdir(tmp_path)
+    words = "--gauge level:0 --gauges levels.csv --save run.npz"
+    assert main(["run", "relaxation", "--set", "dx=0.08", *words.split()]) == INTERRUPTED
+    assert capsys.readouterr().out.endswith("table: levels.csv\ntrajectory: run.npz\n")
+    assert len(trajectory.read("run.npz").times) == 3
+    assert len((tmp_path / "levels.csv").read_text().splitlines()) >= 3
 
 
 @pytest.mark.parametrize("arguments", [["doctor", "--list"], ["run", "--help"]], ids=" ".join)

@@ -36,6 +36,24 @@ def test_every_example_of_a_help_can_be_typed(name):
         assert line in parser.format_help()
 
 
+def test_examples_of_the_first_help_can_be_typed():
+    parser = make_parser()
+    for line in parser.examples:
+        words = shlex.split(line)[1:]
+        assert "--help" in words or parser.parse_args(words).function
+    assert len(parser.examples) > 2
+
+
+def test_an_interrupted_start_has_no_traceback(tmp_path):
+    # stands for Ctrl-C while modules are imported
+    (tmp_path / "tqdm.py").write_text("raise KeyboardInterrupt")
+    done = subprocess.run(
+        [sys.executable, "-m", "sph_gym", "doctor", "--list"], cwd=tmp_path, capture_output=True,
+        text=True, check=False, env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (INTERRUPTED, "sph_gym: interrupted\n")
+
+
 def test_the_page_is_true():
     blocks = re.findall(r"^```sh\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines() if "sph-gym" in line]
@@ -72,10 +90,13 @@ def test_a_word_that_is_not_known_gives_one_line_with_the_nearest(line, message,
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("run dam_brek", "did you mean 'dam_break'"),
+        ("run dam_brek", "scene: .*did you mean 'dam_break'"),
         ("run dam_break --set widht=1", "argument of dam_break: .*did you mean 'width'"),
         ("run relaxation --controller adaptiv", "did you mean 'adaptive'"),
         ("study soaks", "did you mean 'soak'"),
+        ("study soak --scenes dam_break", "^sph_gym: --scenes: only the studies"),
+        ("run nothing.npz", "^sph_gym: nothing.npz: there is no such file"),
+        (f"docs --output {ROOT}/README.md", "^sph_gym: [^ ]*README.md: File exists$"),
         ("docs sph_gym/DamBreak-v2", "did you mean 'sph_gym/DamBreak-v1'"),
         ("doctor --fault atracts", "did you mean 'attracts'"),
         ("recommend eliptical_drop --error 1%", "did you mean 'elliptical_drop'"),

@@ -34,7 +34,8 @@ for axis, solver_class, title in zip(axes, (Plain, Mine), ("sound", "broken"), s
         solver.step(1e-3)
     speed = np.hypot(*solver.v.T)
     points = axis.scatter(*solver.x.T, c=speed, cmap="cividis", vmin=0, vmax=3, s=22)
-    axis.set(title=title, aspect="equal", xlim=(-0.25, 0.65), ylim=(-0.25, 0.65))
+    axis.set(title=title, aspect="equal", xlim=(-0.25, 0.65), ylim=(-0.25, 0.65), xlabel="x [m]")
+axes[0].set_ylabel("y [m]")
 figure.colorbar(points, ax=axes, label="speed [m/s]", shrink=0.85)
 
 # %%

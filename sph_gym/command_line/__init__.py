@@ -41,6 +41,12 @@ def main(arguments: list[str] | None = None) -> int:
 def make_parser() -> Parser:
     """Return the parser of all commands."""
     parser = Parser(
+        examples=(
+            ("run drop_impact --window", "watch a scene"),
+            ("docs", "list the environments"),
+            ("doctor --solver mine.py:make", "find the fault of your own solver"),
+            ("run --help", "the options of a command, with more examples"),
+        ),
         prog="sph-gym",
         description="A 2D SPH fluid solver, and environments in which an agent tunes it.",
         epilog=f"exit status: 0 done, {FAILED} done and the answer is bad (blown up, broken, a "
@@ -55,8 +61,8 @@ def make_parser() -> Parser:
 
 def _carry_out(arguments: list[str] | None) -> int:
     """Carry out a command, and return its exit status when all it printed is on its way."""
-    options = make_parser().parse_args(arguments)
     try:
+        options = make_parser().parse_args(arguments)
         # not before: numba takes long to import, and a help needs none
         from sph_gym.solver.jit import announce_compilation
 
@@ -67,11 +73,18 @@ def _carry_out(arguments: list[str] | None) -> int:
     except BrokenPipeError:
         raise
     except (ValueError, ImportError, OSError, MemoryError, RuntimeError) as error:
-        print(f"sph_gym: {error}", file=sys.stderr)
+        print(f"sph_gym: {_words(error)}", file=sys.stderr)
         return WRONG
     except KeyboardInterrupt:
         print("sph_gym: interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+def _words(error: Exception) -> str:
+    """Return what an error says, without the number that the system has for it."""
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 def _outcome(options: Any) -> Outcome:

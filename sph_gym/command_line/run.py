@@ -175,6 +175,8 @@ def _replay(options: argparse.Namespace) -> Outcome:
     defaults = vars(options.parser.parse_args(["SCENE"]))
     others = [name for name, value in vars(options).items() if value != defaults[name]]
     others = [f"--{name.replace('_', '-')}" for name in others if name not in looks]
+    if not Path(options.scene).exists():
+        raise FileNotFoundError(f"{options.scene}: there is no such file")
     if not options.window or others:
         given = " ".join(others) or "no --window"
         raise ValueError(
@@ -207,6 +209,9 @@ def _logged(options: argparse.Namespace, sim: Any) -> tuple[int, Any]:
 
 
 def _scene(name: str, assignments: list[str]) -> "Scene":
+    from sph_gym.solver.checks import known
+
+    known("scene", name, scenes.names())
     try:
         return scenes.make(name, **dict(map(assignment, assignments)))
     except ArithmeticError as error:

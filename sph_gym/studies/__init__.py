@@ -81,7 +81,8 @@ def run_study(
     ):  # fmt: skip
         if value and not _takes(name, option):
             owners = " and ".join(other for other in _STUDIES if _takes(other, option))
-            raise ValueError(f"{option}: only the studies {owners} have it, not {name}")
+            word = "scenes" if option == "chosen" else option
+            raise ValueError(f"--{word}: only the studies {owners} have it, not {name}")
         options |= {option: value} if value else {}
     rows: list[Row] = []
     stem = _stem(name, quick, chosen)

@@ -41,17 +41,23 @@ def write_video(
     shapes, and for fps <= 0; FileNotFoundError if there is no such directory; ImportError that
     names the extra to install if imageio is missing.
     """
-    target = Path(path)
-    if target.suffix.lower() not in ENDINGS:
-        raise ValueError(f"path: expected a name ending in {' or '.join(ENDINGS)}, got {path!r}")
+    target = video_target(path)
     fps = positive("fps", fps)
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
     with atomic_write(target) as draft:
         if target.suffix.lower() == ".gif":
             _write_gif(draft, _checked(frames), fps)
         else:
             _write_mp4(draft, _checked(frames), fps, bitrate)
+
+
+def video_target(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a film. Raises what `write_video` raises for one that can't be written."""
+    target = Path(path)
+    if target.suffix.lower() not in ENDINGS:
+        raise ValueError(f"path: expected a name ending in {' or '.join(ENDINGS)}, got {path!r}")
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
+    return target
 
 
 def side_by_side(frames: Sequence[Picture]) -> Picture:

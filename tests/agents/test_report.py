@@ -173,7 +173,11 @@ def test_a_single_run_of_one_agent_is_enough(tmp_path):
     for name, plot in PLOTS.items():
         plot(runs, tmp_path / name)
         assert (tmp_path / name).stat().st_size > 0
-    assert "did best" in report.headline(summary_table(runs))
+    text = report.headline(summary_table(runs))
+    assert "did best" in text
+    assert "So few runs say little" in text
+    many = pd.concat([runs.assign(instance=k) for k in range(report.FEW)])
+    assert "few runs" not in report.headline(summary_table(many))
 
 
 def test_headline_tells_of_overlaps_and_blow_ups():

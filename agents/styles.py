@@ -35,7 +35,7 @@ STYLES: dict[str, AgentStyle] = {
     "lookahead": AgentStyle("look-ahead", "#8C8C00", "X", (0, (8, 2, 1, 2, 1, 2))),
     "ppo": AgentStyle("PPO", "#009E73", "v"),
     "ppo_lagrangian": AgentStyle("Lagrangian PPO", "#1B4D3E", r"$\clubsuit$", (0, (5, 1))),
-    "ppo_warm": AgentStyle("PPO after imitation", "#66C2A5", "8", (0, (7, 1, 1, 1))),
+    "ppo_warm": AgentStyle("PPO after imitation", "#66C2A5", "8", "-", 2.4),
     "imitation": AgentStyle("imitation", "#4DAF4A", r"$\spadesuit$", (0, (2, 1))),
     "sac": AgentStyle("SAC", "#D55E00", "P"),
     "dqn": AgentStyle("DQN", "#A0522D", "h", (0, (4, 1, 1, 1))),

@@ -94,6 +94,7 @@ def test_a_video_is_written(tmp_path):
         ["run", "relaxation", "--dt", "0"],
         ["run", "relaxation", "--dtype", "float16"],
         ["run", "relaxation", "--color", "smell"],
+        ["run", "relaxation", "--arrows"],
         ["run", "relaxation", "--video", "film.avi"],
         ["run", "relaxation", "--save", "run.csv"],
         ["run", "relaxation", "--gauge", "pressure"],

@@ -102,6 +102,8 @@ def _run(options: argparse.Namespace) -> Outcome:
     from sph_gym.run import run
     from sph_gym.solver.simulation import Simulation
 
+    if options.arrows and not (options.window or options.video):
+        raise ValueError("--arrows: expected --window or --video beside it, got neither")
     scene = _scene(options.scene, options.set)
     steering = _steering(options, scene)
     sim = Simulation(scene, dtype=options.dtype, neighbors=options.neighbors)

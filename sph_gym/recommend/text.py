@@ -11,7 +11,10 @@ UNITS = {"ms": 1e-3, "min": 60.0, "h": 3600.0, "s": 1.0}
 
 
 def parse_error(text: str) -> float:
-    """Return the share in a text such as 0.01 or 1%. Raises ValueError for others."""
+    """Return the share in a text such as 0.01 or 1%.
+
+    Raises ValueError for others, and for 1 without a sign, which is all of it: 1 % must be meant.
+    """
     number = text.strip()
     try:
         value = positive("error", float(number.removesuffix("%")))
@@ -19,6 +22,8 @@ def parse_error(text: str) -> float:
         raise ValueError(
             f"error: expected a share above 0 such as 0.01 or 1%, got {text!r}"
         ) from None
+    if value == 1 and not number.endswith("%"):
+        raise ValueError(f"error: expected a share below 1, got {text!r}: did you mean 1%?")
     return at_most_one(value / 100 if number.endswith("%") else value)
 
 

@@ -38,6 +38,12 @@ def test_errors_that_are_none_are_refused(text):
         recommend.parse_error(text)
 
 
+def test_one_without_a_sign_is_a_percent_that_lacks_it():
+    with pytest.raises(ValueError, match=r"did you mean 1%\?"):
+        recommend.parse_error("1")
+    assert recommend.parse_error("100%") == 1.0
+
+
 def test_what_is_told_can_be_set(table):
     told = dict(recommend.describe(advise(table, error=0.01)))
     assert told["dx"].startswith("0.05 m (radius / 20)")

@@ -88,6 +88,15 @@ class Throw:
         near = np.abs(self.depth[-1]) < 1.5
         return near & (self.towards[-steps:].min(axis=0) > 0.5) & (moved < 0.2 * np.abs(way))
 
+    def trembling(self, turns: int = 3) -> NDArray[np.bool_]:
+        """Return which particles (n,) turn so many times at a side, once a step.
+
+        A wall turns a particle once; boundary particles that hold one let it swing, but slowly.
+        """
+        turned = (self.towards[1:] * self.towards[:-1] < 0) & (np.abs(self.towards[1:]) > 0.005)
+        in_a_row = [turned[k : len(turned) - turns + 1 + k] for k in range(turns)]
+        return np.asarray(np.logical_and.reduce(in_a_row).any(axis=0))
+
     def jump(self) -> float:
         """Return how far a particle moved in one step beyond what its velocity allows [dx]."""
         size = np.linalg.norm(self.v, axis=2)

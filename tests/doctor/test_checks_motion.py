@@ -169,6 +169,46 @@ def test_forces_shown_as_accelerations_are_a_matter_of_setup():
     assert (status, link) == ("fail", "setup"), message
 
 
+@pytest.mark.parametrize("name", [*HEALTHY])
+def test_sound_solvers_keep_their_momentum_in_motion(name):
+    status, _, message = finding(maker(**HEALTHY[name]), "momentum_in_motion")
+    assert status == "pass", message
+
+
+def test_a_loop_that_does_all_for_one_particle_after_the_other_is_found():
+    class InTheLoop(plain.Plain):
+        def advance(self, dt):
+            for i in range(self.n):
+                self.evaluate()
+                self.v[i] += dt * self.a[i]
+                self.x[i] += dt * self.v[i]
+
+    for make in (faults.make("one_loop"), InTheLoop):
+        status, link, message = finding(make, "momentum_in_motion")
+        assert (status, link) == ("fail", "force"), message
+        assert "at rest add up to 0" in message
+
+
+def test_walls_that_turn_a_velocity_in_every_step_are_found():
+    status, link, message = finding(faults.make("trembles"), "thrown_alone")
+    assert (status, link) == ("fail", "walls")
+    assert "turned again" in message
+
+
+def test_a_step_that_makes_nan_is_told_from_a_density_of_zero():
+    class Adaptive(plain.Plain):
+        n_steps = 0
+
+        def advance(self, dt):
+            super().advance(dt)
+            self.n_steps += 1
+            if self.n_steps > 3:
+                self.v = self.v * np.nan
+
+    assert finding(Adaptive, "isolated")[:2] == ("fail", "integration")
+    assert finding(faults.make("no_own_share"), "isolated")[1] == "density"
+
+
 def test_suction_is_found():
     for hide in ((), OPTIONAL):
         make = maker(clamp=False, hide=hide)

@@ -121,9 +121,26 @@ def test_planes_and_space():
     assert kept[2, 1] == 5.0
 
 
-def test_settings_are_made_in_their_order():
-    made = []
+class Parametric:
+    FLAG, NUMBER, COUNT, VECTOR = range(4)
+
+    def __init__(self):
+        self.made = []
+
+    def setValueBool(self, name, value):
+        self.made.append(("bool", name, value))
+
+    def setValueFloat(self, name, value):
+        self.made.append(("float", name, value))
+
+    def setVec3ValueReal(self, name, value):
+        self.made.append(("vector", name, value))
+
+
+def test_settings_are_made_in_their_order_by_the_setter_of_their_type():
+    first, second = Parametric(), Parametric()
     configure(
-        (lambda *given: made.append(given), 3, 0.5), (lambda *given: made.append(given), 4, 1)
+        (first, {"NUMBER": 0.5, "FLAG": False, "COUNT": 7}), (second, {"VECTOR": [0, 1.0, 0.0]})
     )
-    assert made == [(3, 0.5), (4, 1)]
+    assert first.made == [("float", 1, 0.5), ("bool", 0, False), ("float", 2, 7)]
+    assert second.made == [("vector", 3, [0, 1.0, 0.0])]

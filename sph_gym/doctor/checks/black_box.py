@@ -217,7 +217,7 @@ def _outward(lab: Lab, h: float, spacing: float) -> float:
     return float((a * arm).sum() / np.linalg.norm(arm, axis=1).sum()) * h / C0**2
 
 
-@check("force", step=4, needs=("isolated", "pair_law"))
+@check("force", step=4, needs=("isolated", "momentum_in_motion", "pair_law"))
 @tolerant
 def push_in_time(lab: Lab) -> Finding:
     """Let pairs collide: are they pushed by the densities and pressures of where they are?"""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, lattice
+from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, cloud, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.probes import (
@@ -39,6 +39,11 @@ _SUCTION = (
 LISTS = (
     "Compare with a loop over all pairs: the neighbour search loses some of them, or keeps only "
     "some neighbours of a particle."
+)
+_AT_ONCE = (
+    "Do one thing for all particles before the next begins: all densities, all pressures, all "
+    "accelerations, and only then all velocities and positions. In a loop that does all of it for "
+    "one particle after the other, i is pushed by what j was a step ago, and j by what i is now."
 )
 _HALF = (
     "Each pair is in the list of one partner only. Either list it twice, or add to both partners "
@@ -90,6 +95,28 @@ def _left_over(found: Seen, n_groups: int) -> float:
     if not real.any() or not np.isfinite(a).all():
         return float("nan")
     return float((np.linalg.norm(a.sum(axis=1), axis=1)[real] / sizes[real]).max())
+
+
+@check("force", step=4, needs=("momentum", "flight"))
+def momentum_in_motion(lab: Lab) -> Finding:
+    """Let a cloud shrink and burst: do forces add up to zero in every step?"""
+    x = cloud(lab.rng, 8, 8, 0.9 * DX, 0.1)
+    start = case(x, -0.025 * C0 / DX * (x - x.mean(axis=0)))
+    subject, gains = lab.make(start), []
+    for _ in range(12):
+        gains.append(subject.step(start.dt).v - start.v)
+    gained = np.array(gains)
+    if not np.isfinite(gained).all():
+        return inconclusive("a cloud in motion is not finite, which other checks judge")
+    size = float(np.linalg.norm(gained, axis=2).sum(axis=1).max())
+    if size < 1e-3 * np.abs(start.v).sum():
+        return inconclusive("a cloud shrinks, and nothing pushes")
+    left = float(np.linalg.norm(gained.sum(axis=1), axis=1).max()) / size
+    numbers = {"unit": "of what all gain", "tolerance": "0.5 %"}
+    if left > 5e-3:
+        what = "a cloud of 8 x 8 in motion: its momentum changes, though forces at rest add up to 0"
+        return failed(what, _AT_ONCE, left, 0.0, **numbers)
+    return passed("a cloud of 8 x 8 in motion keeps its momentum", left, 0.0, **numbers)
 
 
 @check("force", step=3, needs=("isolated", "momentum"))

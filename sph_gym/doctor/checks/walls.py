@@ -49,7 +49,21 @@ def thrown_alone(lab: Lab) -> Finding:
             _REFLECT,
             "v kept", "v turned or stopped",
         )  # fmt: skip
-    return _gap(lab, runs) or _judge_return(lab, runs)
+    return _tremble(runs) or _gap(lab, runs) or _judge_return(lab, runs)
+
+
+def _tremble(runs: list[Throw]) -> Finding | None:
+    """Return at which sides particles turn again and again, None if nowhere."""
+    names = [name for run in runs for name in _names(run, run.trembling())]
+    if not names:
+        return None
+    return failed(
+        f"lone particles thrown at the sides: at {_listed(names)} the velocity is turned again in "
+        "every step, so that the particle stays outside and trembles",
+        "Turn only velocities that go outwards, and put the particle back to the wall: one that is "
+        "still outside after the turn must not be turned again.",
+        "turned again", "turned once",
+    )  # fmt: skip
 
 
 def _gap(lab: Lab, runs: list[Throw]) -> Finding | None:

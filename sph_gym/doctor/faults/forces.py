@@ -100,6 +100,19 @@ class ForceTwice(Plain):
         return 2 * super().force()
 
 
+@fault("one_loop", "force", 4)
+class OneLoop(Plain):
+    """One loop does all for a particle after the other: later ones push with old pressures."""
+
+    def force(self) -> Array:
+        share = self.p / self.rho**2
+        before = getattr(self, "share", share)
+        self.share = share
+        of_partner = np.where(self.j > self.i, before[self.j], share[self.j])
+        push = -self.mass * (share[self.i] + of_partner) * self.slope(self.r)
+        return self.total_vector(push[:, None] * self.direction)
+
+
 @fault("gravity_twice", "force", 3)
 class GravityTwice(Plain):
     """Gravity is in the forces twice."""

@@ -145,6 +145,15 @@ class VelocityKept(Plain):
             self.x[outward * (self.x[:, axis] - side) > 0, axis] = side
 
 
+@fault("trembles", "walls")
+class Trembles(Plain):
+    """Walls turn the velocities of all that is outside, but put nobody back."""
+
+    def bounce(self) -> None:
+        for axis, side, outward in self.sides():
+            self.v[outward * (self.x[:, axis] - side) > 0, axis] *= -0.3
+
+
 @fault("restitution_of_1_5", "walls")
 class RestitutionOf15(Plain):
     """Particles come back from a wall faster than they came."""

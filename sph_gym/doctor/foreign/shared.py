@@ -1,13 +1,20 @@
 """Shared parts of the adapters of published packages."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from sph_gym.doctor.case import Array, Case
+
+# Which setter takes values of which type; a bool is a number, too, and comes first.
+_SETTERS: tuple[tuple[Any, str], ...] = (
+    (bool, "setValueBool"),
+    (int | float, "setValueFloat"),
+    (list, "setVec3ValueReal"),
+)
 
 
 def require(package: str, newest: tuple[int, ...], why: str, library: str = "") -> None:
@@ -42,7 +49,12 @@ def in_plane(values: Any) -> Array:
     return array[:, :2] if array.ndim == 2 else array
 
 
-def configure(*settings: tuple[Callable[..., Any], Any, Any]) -> None:
-    """Set parameters that a package keeps under ids: call (set)(id, value) for each in turn."""
-    for set_value, name, value in settings:
-        set_value(name, value)
+def configure(*settings: tuple[Any, Mapping[str, Any]]) -> None:
+    """Set parameters of objects that have an id for each, and a setter for each type.
+
+    settings: objects and their parameters, names of ids with bools, numbers or three components.
+    """
+    for owner, values in settings:
+        for name, value in values.items():
+            setter = next(setter for types, setter in _SETTERS if isinstance(value, types))
+            getattr(owner, setter)(getattr(owner, name), value)

@@ -24,6 +24,7 @@ from sph_gym.doctor.foreign.shared import (
 # the wheel brings a part of OpenGL's libraries
 require("pysplishsplash", (2, 17), "they need a scene file", library="libGL.so.1")
 import pysplishsplash as splash  # noqa: E402
+from pysplishsplash.Utilities import VecVector3r  # noqa: E402
 
 # The area of a particle in squares of its diameter.
 AREA = 0.8
@@ -43,18 +44,16 @@ class Splash:
         self.simulation, self.radius = splash.Simulation.getCurrent(), case.h / 4
         # masses follow from the radius of this moment
         self.simulation.init(case.dx / 2 / AREA**0.5, True)
-        start = [splash.Utilities.VecVector3r(in_space(each)) for each in (case.x, case.v)]
-        self.simulation.addFluidModel("Fluid", *start, [0] * case.n, 0)
-        self.fluid = self.simulation.getFluidModel(0)
-        self.fluid.setDensity0(case.rho0)
+        self.simulation.addFluidModel(
+            "Fluid", *(VecVector3r(in_space(each)) for each in (case.x, case.v)), [0] * case.n, 0
+        )
         self.simulation.setSimulationMethod(splash.SimulationMethods.WCSPH)
-        scheme, viscosity = self.simulation.getTimeStep(), self.fluid.getViscosityBase()
+        self.fluid, scheme = self.simulation.getFluidModel(0), self.simulation.getTimeStep()
         configure(
-            (self.simulation.setValueBool, self.simulation.ENABLE_Z_SORT, False),
-            (self.simulation.setVec3ValueReal, self.simulation.GRAVITATION, [*case.gravity, 0.0]),
-            (scheme.setValueFloat, scheme.STIFFNESS, case.rho0 * case.c0**2 / case.gamma),
-            (scheme.setValueFloat, scheme.EXPONENT, case.gamma),
-            (viscosity.setValueFloat, viscosity.VISCOSITY_COEFFICIENT, case.viscosity),
+            (self.simulation, {"ENABLE_Z_SORT": False, "GRAVITATION": [*case.gravity, 0.0]}),
+            (self.fluid, {"DENSITY0": case.rho0}),
+            (scheme, {"STIFFNESS": case.rho0 * case.c0**2 / case.gamma, "EXPONENT": case.gamma}),
+            (self.fluid.getViscosityBase(), {"VISCOSITY_COEFFICIENT": case.viscosity}),
         )
         self.x, self.v, self.rho, self.p = (
             in_plane(self.fluid.getFieldBuffer(name)) for name in FIELDS
@@ -65,8 +64,10 @@ class Splash:
         """Advance by dt [s]; a step of 0 s renews everything that is shown."""
         # kernels belong to the process: another solver may have set theirs
         splash.Simulation.setCurrent(self.simulation)
-        self.simulation.setParticleRadius(self.radius)
-        splash.TimeManager.getCurrent().setTimeStepSize(dt)
+        configure(
+            (self.simulation, {"PARTICLE_RADIUS": self.radius}),
+            (splash.TimeManager.getCurrent(), {"TIME_STEP_SIZE": dt}),
+        )
         self.simulation.getTimeStep().step()
 
     def evaluate(self) -> None:

@@ -34,12 +34,12 @@ class WarmArgs(TrainingArgs):
         "exported network to begin with, by default one that imitates the adaptive rule", None
     )
     courant: float = option(
-        "largest dt c / h that the policy may ask for: with longer steps, some impacts blow up", 0.9
+        "largest dt c / h that the policy may ask for: with longer steps, some impacts blow up", 0.8
     )
     spread: tuple[float, float, float] = option(
         "standard deviations with which dt, stiffness and epsilon are explored at the start, in "
         "coordinates of the action: a longer step soon blows up, so that dt gets less",
-        (0.05, 0.08, 0.1),
+        (0.05, 0.1, 0.1),
     )
     held: int = option("steps during which it stays as it is, while its value is learned", 20_000)
 

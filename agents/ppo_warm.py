@@ -21,7 +21,7 @@ from agents.imitation import ImitationArgs
 from agents.ppo import export, layers
 from agents.training import Training, TrainingArgs
 from agents.validation import NETWORK
-from sph_gym.controllers import Network
+from sph_gym.controllers import Network, TunedCfl
 from sph_gym.env import actions
 from sph_gym.solver.checks import in_range, positive
 
@@ -34,7 +34,8 @@ class WarmArgs(TrainingArgs):
         "exported network to begin with, by default one that imitates the adaptive rule", None
     )
     courant: float = option(
-        "largest dt c / h that the policy may ask for: with longer steps, some impacts blow up", 0.8
+        "largest dt c / h that the policy may ask for: with longer steps, some impacts blow up",
+        TunedCfl().courant,
     )
     spread: tuple[float, float, float] = option(
         "standard deviations with which dt, stiffness and epsilon are explored at the start, in "

@@ -40,7 +40,7 @@ class WarmArgs(TrainingArgs):
     spread: tuple[float, float, float] = option(
         "standard deviations with which dt, stiffness and epsilon are explored at the start, in "
         "coordinates of the action: a longer step soon blows up, so that dt gets less",
-        (0.05, 0.1, 0.1),
+        (0.05, 0.14, 0.14),
     )
     held: int = option("steps during which it stays as it is, while its value is learned", 20_000)
 

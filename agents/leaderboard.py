@@ -152,16 +152,17 @@ def kept_runs(agent: Agent, args: LeaderboardArgs) -> Entry | None:
     entry = entries.read(path)
     about = entry.about
     present = (agent.networks, agent.table, entries.manifests())
+    dropped = f"so its {len(entry.runs)} runs are dropped and those asked for are played"
     if (about["networks"], about.get("table"), about["manifests"]) != present:
-        print(f"{agent.name}: other networks, settings or flows than in {path}, all played anew")
+        print(f"{agent.name}: other networks, settings or flows than in {path}, {dropped}")
         return None
     if about["sources"] == entries.sources():
         return entry
     if not args.verify:
-        print(f"{agent.name}: other sources than in {path}, all is played anew (see --verify)")
+        print(f"{agent.name}: other sources than in {path}, {dropped} (see --verify)")
         return None
     if differing := verify(agent, entry, args):
-        print(f"{agent.name}: {differing} come out otherwise than in {path}, all is played anew")
+        print(f"{agent.name}: {differing} come out otherwise than in {path}, {dropped}")
         return None
     return Entry({**about, "sources": entries.sources()}, entry.runs)
 

@@ -189,5 +189,8 @@ def replaced(settings: dict[str, Any], others: dict[str, Any]) -> dict[str, Any]
 
 
 def linear(start: float) -> Callable[[float], float]:
-    """Return a learning rate that falls to zero with the remaining progress."""
-    return lambda remaining: start * remaining
+    """Return a learning rate that falls to zero with the remaining progress.
+
+    The last batch may end beyond the last step: it must not undo what was learned.
+    """
+    return lambda remaining: start * max(remaining, 0.0)

@@ -11,6 +11,7 @@ from agents import board, cards, entries, leaderboard, scores, zero_shot
 from agents.entries import COLUMNS, GAMES, Agent, Entry
 from agents.evaluate import CLOCK, run_episode
 from agents.policies import Spec
+from sph_gym import provenance
 from sph_gym.controllers.shipped import names
 from sph_gym.env.instances import ODD
 from sph_gym.provenance import content_hash
@@ -369,6 +370,21 @@ def test_the_cards_of_shipped_networks_agree_with_the_files():
     assert {path.stem for path in renewed} == set(names())
     for path, card in renewed.items():
         assert json.loads(path.read_text()) == card, "python -m agents.leaderboard --page"
+
+
+def test_a_card_is_no_source_of_results(tmp_path, monkeypatch):
+    networks = tmp_path / "controllers" / "networks"
+    networks.mkdir(parents=True)
+    (networks / "ppo.npz").write_bytes(b"numbers")
+    card, flows = networks / "ppo.json", tmp_path / "controllers" / "flows.json"
+    monkeypatch.setattr(provenance, "PACKAGE", tmp_path)
+    found = []
+    for changed in (card, flows, flows):
+        changed.write_text(str(len(found)))
+        found.append(provenance.source_hash.__wrapped__("controllers"))
+    card.write_text("other figures")
+    assert provenance.source_hash.__wrapped__("controllers") == found[-1]
+    assert len(set(found)) == 3
 
 
 def test_a_network_that_has_not_played_has_no_figures(tmp_path):

@@ -101,3 +101,9 @@ def test_nothing_to_resume_is_said(tmp_path):
 def test_hyperparameters_fall_back_to_the_default(algorithm):
     named = training.hyperparameters(algorithm, "dam_break")
     assert set(training.hyperparameters(algorithm, "relaxation")) == set(named)
+
+
+def test_the_last_batch_does_not_undo_what_was_learned():
+    # it ends beyond the last step, where no progress remains
+    rate = training.linear(1e-3)
+    assert [rate(remaining) for remaining in (1.0, 0.5, 0.0, -0.02)] == [1e-3, 5e-4, 0.0, 0.0]

@@ -172,7 +172,7 @@ def test_what_watch_wrote_is_opened_where_it_tripped(script):
         (["run.npz", "--window", "--set", "dx=1"], "got --set"),
         (["run.npz", "--window", "--break-on", "nan"], "got --break-on"),
         (["run.npz", "--window", "--color", "smell"], "color: expected one of speed"),
-        (["nothing.npz", "--window"], "No such file"),
+        (["nothing.npz", "--window"], "there is no such file"),
         (["other.npz", "--window"], "expected a recording"),
     ],
     ids=" ".join,

@@ -45,12 +45,12 @@ def isolated(lab: Lab) -> Finding:
     for n in range(1, 11):
         bad = _first_not_finite(lab, subject.step(start.dt))
         if bad:
-            return _lonely_nan(lab, bad, n)
+            return _lonely_nan(lab, subject, bad, n)
     if "evaluate" in lab.shown:
         subject.evaluate()
     bad = _first_not_finite(lab, subject)
     if bad:
-        return _lonely_nan(lab, bad, 10)
+        return _lonely_nan(lab, subject, bad, 10)
     if "rho" not in lab.shown:
         return passed("three particles far apart stay finite for 10 steps")
     lowest, unit = float(subject.get("rho").min()), "kg/m^3"
@@ -72,16 +72,19 @@ def _first_not_finite(lab: Lab, subject: Subject) -> str:
     return next((name for name, each in shown.items() if not np.isfinite(each).all()), "")
 
 
-def _lonely_nan(lab: Lab, name: str, n_steps: int) -> Finding:
+def _lonely_nan(lab: Lab, subject: Subject, name: str, n_steps: int) -> Finding:
     # positions and velocities are what accelerations make of them, which were finite so far
     moved = name not in _LINKS and "a" in lab.shown
+    # a division by a density of zero shows in what comes after it
+    empty = "rho" in lab.shown and not float(subject.get("rho").min()) > 0
+    link = "integration" if moved else "density" if empty else _LINKS.get(name, "density")
     return failed(
         f"three particles far apart: {name} is not finite after {n_steps} steps"
         + (", though accelerations are" if moved else ""),
         _STEP if moved else _SELF,
         "not finite",
         "finite",
-        link=_LINKS.get(name, "integration" if moved else "density"),
+        link=link,
     )
 
 

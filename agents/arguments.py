@@ -33,6 +33,12 @@ class BackendArgs:
         return Backend(self.backend, self.address, self.workers).checked()
 
 
+def program() -> str:
+    """Return how this program was called: as a module, or by `sph-gym agents`."""
+    called = Path(sys.argv[0])
+    return f"python -m agents.{called.stem}" if called.suffix else f"sph-gym agents {called.stem}"
+
+
 def parse(
     kind: type[Arguments], description: str | None, words: list[str] | None = None
 ) -> Arguments:
@@ -43,7 +49,7 @@ def parse(
     Exits with a message for unknown options and wrong values.
     """
     parser = Parser(
-        prog=f"python -m agents.{Path(sys.argv[0]).stem}",
+        prog=program(),
         description=description,
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import sph_gym
 from agents import plots, report, static_search
-from agents.arguments import BackendArgs, option, parse
+from agents.arguments import BackendArgs, option, parse, program
 from agents.evaluate import (
     evaluate,
     instance_ids,
@@ -203,7 +203,7 @@ def _context(
         "summary": summary,
         "instances": instances,
         "recorded_instance": instances[0],
-        "command": "python -m agents.compare " + " ".join(sys.argv[1:]),
+        "command": " ".join([program(), *sys.argv[1:]]),
         "versions": {
             "sph_gym": sph_gym.__version__,
             "python": platform.python_version(),

@@ -187,9 +187,8 @@ def verify(agent: Agent, entry: Entry, args: LeaderboardArgs) -> list[str]:
 # --- The page -------------------------------------------------------------------------------
 
 
-def texts(found: Sequence[Entry]) -> dict[str, str]:
+def texts(found: Sequence[Entry], runs: pd.DataFrame) -> dict[str, str]:
     """Return what stands between the marks of the page, by their names."""
-    runs = scores.runs_of(found)
     return {"leaderboard": board.text(found, runs), "zero-shot": zero_shot.text(found, runs)}
 
 
@@ -204,11 +203,9 @@ def filled(page: str, blocks: dict[str, Any]) -> str:
     return page
 
 
-def write_page(folder: Path, page: Path = PAGE) -> None:
+def write_page(found: Sequence[Entry], runs: pd.DataFrame, page: Path = PAGE) -> None:
     """Write tables into the page, and the pictures beside it."""
-    found = entries.read_all(folder)
-    runs = scores.runs_of(found)
-    text = filled(page.read_text(encoding="utf-8"), texts(found))
+    text = filled(page.read_text(encoding="utf-8"), texts(found, runs))
     board.draw(runs, page.parent / "pictures")
     with atomic_write(page) as draft:
         draft.write_text(text, encoding="utf-8")
@@ -217,9 +214,10 @@ def write_page(folder: Path, page: Path = PAGE) -> None:
 def main(args: LeaderboardArgs) -> None:
     """Do what the arguments ask for."""
     if args.page:
-        write_page(args.results)
         found = entries.read_all(args.results)
-        cards.write(found, scores.runs_of(found))
+        runs = scores.runs_of(found)
+        write_page(found, runs)
+        cards.write(found, runs)
         print(f"written: {PAGE} and the cards of the shipped networks")
         return
     for path in play(args):

@@ -40,8 +40,20 @@ def pytest_xdist_auto_num_workers(config):
     return 3 * most_threads() + 1
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Put tests of one configuration next to each other: else two workers compile it at once."""
+    """Mark as slow what `every` leaves out, and put tests of one configuration side by side.
+
+    Else two workers compile one version at once.
+    """
+    cases: Counter[str] = Counter()
+    for item in items:
+        mark = item.get_closest_marker("every")
+        if mark is not None:
+            name = item.nodeid.partition("[")[0]
+            if cases[name] % mark.args[0]:
+                item.add_marker(pytest.mark.slow)
+            cases[name] += 1
     items.sort(key=_configuration)
 
 

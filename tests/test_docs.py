@@ -326,7 +326,7 @@ def check(folder, heading, without_jit):
         r"^[\w= ]*\.venv/bin/python -m (pytest .+)$", section(ARCHITECTURE, heading), re.M
     )
     for tool in (
-        [*shlex.split(tests), "-p", "no:cacheprovider"],
+        [*shlex.split(tests), "-p", "no:cacheprovider", "-n0"],
         ["ruff", "check", "--no-cache", *touched],
         ["ruff", "format", "--check", "--no-cache", *touched],
     ):

@@ -93,6 +93,7 @@ def test_a_temporary_folder_that_others_can_write_is_not_trusted(tmp_path, home,
     assert stat.S_IMODE(found.stat().st_mode) == 0o700
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "SPH_GYM_CACHE"])
 @pytest.mark.parametrize("value", ["", "sph_gym"])
 def test_nothing_is_put_into_the_working_directory(variable, value, tmp_path, home):

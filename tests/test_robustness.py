@@ -76,6 +76,7 @@ def finished(process):
     return text
 
 
+@pytest.mark.slow
 def test_a_killed_study_loses_the_run_in_hand_only(tmp_path):
     done = kill_after(begin(STUDY, tmp_path), tmp_path, "*.json", 2)
     assert 2 <= len(done) < ALL
@@ -86,6 +87,7 @@ def test_a_killed_study_loses_the_run_in_hand_only(tmp_path):
     assert {path: path.stat().st_mtime_ns for path in done} == done
 
 
+@pytest.mark.slow
 def test_two_processes_share_folder_and_caches(tmp_path):
     both = [begin(STUDY, tmp_path) for _ in range(2)]
     one, other = map(finished, both)
@@ -94,6 +96,7 @@ def test_two_processes_share_folder_and_caches(tmp_path):
     assert len(list(tmp_path.iterdir())) == ALL
 
 
+@pytest.mark.slow
 def test_a_killed_training_goes_on_from_its_newest_checkpoint(tmp_path):
     pytest.importorskip("stable_baselines3")
     kept = kill_after(begin(TRAINING, tmp_path, 10**6, "anew"), tmp_path, "*_steps.zip", 2)

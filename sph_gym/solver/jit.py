@@ -26,16 +26,22 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # Fast math without nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708), and
 # without reassoc: the last bit of a sum then depended on the function that a step is compiled into.
 FASTMATH = {"contract", "arcp", "afn", "nsz"}
-# LLVM's levels for functions that run, and for helpers, which are optimised again inside them.
-FULL_OPT: Any = numba.config.OPT  # type: ignore[attr-defined]
-HELPER_OPT = 1
-OPTIONS: Any = {"error_model": "numpy", "nogil": True, "fastmath": FASTMATH, "_nrt": False}
+# LLVM's level of optimisation.
+OPT: Any = numba.config.OPT  # type: ignore[attr-defined]
+# A C function around each helper, for other libraries to call, would be an eighth of compile time.
+OPTIONS: Any = {
+    "error_model": "numpy",
+    "nogil": True,
+    "fastmath": FASTMATH,
+    "_nrt": False,
+    "no_cfunc_wrapper": True,
+}
 
 
 @cache
 def source_hash() -> str:
     """Return a hash of the solver's sources and of the compiler: the key of all they produce."""
-    versions = f"{numba.__version__} {sys.version} {target.KEY} {FULL_OPT}"
+    versions = f"{numba.__version__} {sys.version} {target.KEY} {OPT}"
     digest = hashlib.sha256(versions.encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.name.encode() + path.read_bytes())
@@ -43,11 +49,14 @@ def source_hash() -> str:
 
 
 class _HelperLibrary(JITCodeLibrary):
-    """Code of a helper: linked into its callers, and not made machine code on its own."""
+    """Code of a helper: neither optimised nor made machine code, but kept for its callers."""
 
-    def _finalize_final_module(self) -> None:
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+
+    def finalize(self) -> None:
+        """Take no more code; what this one calls is linked together with it."""
         self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -65,19 +74,37 @@ class _NoEnvironment:
         """Do nothing."""
 
 
+class _EntryLibrary(JITCodeLibrary):
+    """Code that Python calls: optimised together with all helpers, however deep."""
+
+    def finalize(self) -> None:
+        """Link all helpers, optimise the whole, and make machine code of it."""
+        found: dict[Any, None] = {}
+        _collect(self, found)
+        self._linking_libraries = list(found)
+        super().finalize()
+
+
+def _collect(library: Any, found: dict[Any, None]) -> None:
+    """Add what a library calls, directly or through helpers, to `found`."""
+    for called in library._linking_libraries:
+        if called not in found:
+            found[called] = None
+            if isinstance(called, _HelperLibrary):
+                _collect(called, found)
+
+
 class _LightHelpers(Compiler):
     """Numba's pipeline, but helpers are optimised only as part of what they are compiled into.
 
     Numba optimises every function on its own, makes machine code of it, and does so once more in
-    each of its callers. In a tree of small helpers that is most of the compile time, for code
+    each of its callers. In a tree of small helpers that is most of the compiler's work, for code
     that never runs.
     """
 
     def compile_extra(self, func: Any) -> Any:
         """Compile `func`; its helpers are compiled meanwhile, before its own lowering."""
-        config: Any = numba.config
         codegen = self.state.targetctx.codegen()
-        previous, config.OPT = config.OPT, HELPER_OPT
         codegen._library_class = _HelperLibrary
         # numba makes millions of objects, which the collector would walk through again and again
         collecting = gc.isenabled()
@@ -85,29 +112,28 @@ class _LightHelpers(Compiler):
         try:
             return super().compile_extra(func)
         finally:
-            config.OPT, codegen._library_class = previous, JITCodeLibrary
+            codegen._library_class = JITCodeLibrary
             if collecting:
                 gc.enable()
 
     def define_pipelines(self) -> list[Any]:
         """The default pipeline with one more pass right before code is made."""
         [pipeline] = super().define_pipelines()
-        pipeline.add_pass_after(_Optimise, IRLegalization)
+        pipeline.add_pass_after(_BeginEntry, IRLegalization)
         pipeline.finalize()
         return [pipeline]
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
-class _Optimise(AnalysisPass):
-    _name = "sph_gym_optimise"
+class _BeginEntry(AnalysisPass):
+    _name = "sph_gym_begin_entry"
 
     def __init__(self) -> None:
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """From here on it is the entry point's own code that is optimised."""
-        config: Any = numba.config
-        config.OPT, state.targetctx.codegen()._library_class = FULL_OPT, JITCodeLibrary
+        """From here on it is the entry point's own code that is made."""
+        state.targetctx.codegen()._library_class = _EntryLibrary
         return True
 
 

@@ -230,11 +230,6 @@ class History:
         else:
             self.keep()
 
-    @property
-    def is_run_here(self) -> bool:
-        """True if `forward` can run the simulation."""
-        return self._advance is not None
-
     def _find_trouble(self, report: Report) -> Trouble | None:
         offender = None if self._offender is None else self._offender()
         if offender is not None and not report.diverged:

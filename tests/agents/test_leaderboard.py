@@ -359,9 +359,8 @@ def test_a_page_without_marks_is_refused():
 def test_the_page_agrees_with_the_files():
     page = leaderboard.PAGE.read_text()
     found = entries.read_all(entries.FOLDER)
-    assert leaderboard.filled(page, leaderboard.texts(found)) == page, (
-        "python -m agents.leaderboard --page"
-    )
+    texts = leaderboard.texts(found, scores.runs_of(found))
+    assert leaderboard.filled(page, texts) == page, "python -m agents.leaderboard --page"
 
 
 def test_the_cards_of_shipped_networks_agree_with_the_files():

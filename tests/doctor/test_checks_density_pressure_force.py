@@ -126,6 +126,7 @@ def test_solvers_with_habits_raise_no_alarm(make):
     assert diagnosis.ok, str(diagnosis)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("shown", [ALL, ("rho", "p"), ("rho",), ()], ids=" ".join)
 def test_the_article_passes_and_nothing_stays_open(shown):
     diagnosis = examine(hidden(plain.make, *shown))
@@ -134,6 +135,7 @@ def test_the_article_passes_and_nothing_stays_open(shown):
     assert statuses <= {"pass", "skip"}, str(diagnosis)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     ("style", "law"),
     [
@@ -193,6 +195,7 @@ BASES = {
 }
 
 
+@pytest.mark.every(7)
 @pytest.mark.parametrize("base", BASES.values(), ids=BASES)
 @pytest.mark.parametrize(("fault", "link"), FOUND.items())
 def test_faults_are_found_at_their_link(base, fault, link):
@@ -221,6 +224,7 @@ BY_CONTINUITY = {
 }
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize(("fault", "link"), BY_CONTINUITY.items())
 def test_faults_with_densities_by_continuity(fault, link):
     style = {"weight": "cubic", "density": "continuity", "clamp": False, "mass": "plain"}

@@ -55,6 +55,7 @@ def test_healthy_solvers_pass(name):
         assert found[check][0] == "pass", found[check]
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", some_slow(WALLS))
 def test_healthy_walls_pass(name):
     for check in ("thrown_alone", "thrown_blocks", "tunnelling", "standing"):
@@ -67,6 +68,7 @@ SUMS = ({}, {"kernels": ("cubic",) * 2, "calibrated": False}, {"dtype": np.float
 SCHEMES = ("euler", "drift_first", "kdk", "dkd", "half", "verlet", "midpoint", "heun", "substeps")
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", SCHEMES)
 def test_healthy_schemes_pass(name):
     known = 0
@@ -86,6 +88,7 @@ def test_schemes_that_gain_energy_are_named(name, style, hide):
     assert (status, link) == ("fail", "integration"), message
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("hide", [(), OPTIONAL], ids=["shows all", "x and v"])
 @pytest.mark.parametrize("name", ["forward", "lagged", "old_density"])
 def test_sound_grows_by_them_where_densities_have_a_memory(name, hide):
@@ -129,6 +132,7 @@ MOTION = {
 }
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("name", MOTION)
 def test_faults_are_found_at_their_link(name):
     check, link, words = MOTION[name]
@@ -137,6 +141,7 @@ def test_faults_are_found_at_their_link(name):
     assert words in message
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize("name", [name for name in MOTION if name != "half kick"])
 def test_faults_are_found_by_x_and_v_alone(name):
     check, link, _ = MOTION[name]
@@ -215,6 +220,7 @@ def test_suction_is_found():
         assert finding(make, "suction")[:2] == ("fail", "pressure")
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(
     ("name", "check", "link"),
     [
@@ -255,6 +261,7 @@ def test_left_over_state_is_found():
     assert finding(make, "reproducible")[:2] == ("fail", "setup")
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0])
 def test_senseless_numbers_end_in_a_finding(bad):
     class Bad(plain.Plain):

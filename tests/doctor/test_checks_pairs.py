@@ -74,12 +74,14 @@ def test_loops_of_plain_python_pass():
     assert passed >= {"same_everywhere", "any_order", "newcomers", "xsph_smooths"}
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("search", BROKEN)
 def test_lists_show_what_is_missing(search):
     diagnosis = examined(zoo(**HEALTHY["article"], pairs=BROKEN[search]), *NEIGHBOURS)
     assert diagnosis.link == "neighbours", unjust(diagnosis)
 
 
+@pytest.mark.every(7)
 @pytest.mark.parametrize("shows", ["rho", "nothing"])
 @pytest.mark.parametrize("search", BROKEN)
 def test_missing_pairs_are_found_without_lists(search, shows):
@@ -88,6 +90,7 @@ def test_missing_pairs_are_found_without_lists(search, shows):
     assert diagnosis.link == "neighbours", diagnosis
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("search", ["hashed_twice", "first_20", "domain", "one_row", "one_side"])
 def test_densities_by_continuity_hide_nothing(search):
     make = zoo(**HEALTHY["continuity_predictor"], pairs=BROKEN[search], shows=())
@@ -101,6 +104,7 @@ def test_lists_of_the_start_are_found_with_densities_by_continuity():
     assert "fly through each other" in result.message
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("link", ["neighbours", "viscosity", "xsph"])
 @pytest.mark.parametrize("shows", ["all", "nothing"])
 def test_faults_of_the_plain_solver(link, shows):

@@ -19,6 +19,7 @@ def _impatient(monkeypatch):
     monkeypatch.setattr(subject, "CALL_LIMIT", 3.0)
 
 
+@pytest.mark.every(8)
 @pytest.mark.parametrize("name", FAULTS)
 def test_is_found_at_its_link(name):
     """Do checks until one speaks against this link, or against one before it."""

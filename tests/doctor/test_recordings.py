@@ -125,6 +125,7 @@ def test_scenes_of_this_project(tmp_path, name):
 # --- broken ones ------------------------------------------------------------------------------
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize(
     ("fault", "case", "link"),
     [

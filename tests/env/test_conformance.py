@@ -56,6 +56,7 @@ def test_all_pairs_are_there():
         assert len(found) == len(FACTORS[one]) * len(FACTORS[other])
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: "-".join(map(str, row.values())))
 def test_gymnasium_and_sb3_have_no_complaints(row, monkeypatch):
     sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
@@ -205,6 +206,7 @@ def assert_same(one, other):
         assert np.array_equal(one, other)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 @pytest.mark.parametrize("arguments", COPIED, ids=str)
 def test_a_copy_in_mid_episode_goes_on_alike(arguments, copied, monkeypatch):
@@ -246,6 +248,7 @@ def one_of_many():
     return gym.make("sph_gym/Mixed-v1", dx=0.08, action_mode="delta", max_episode_steps=12)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("context", ["spawn", "forkserver"])
 def test_processes_of_their_own_change_nothing(context):
     ours = SyncVectorEnv([one_of_many] * 2)
@@ -260,6 +263,7 @@ def test_processes_of_their_own_change_nothing(context):
         theirs.close()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.cpu_count() == 1, reason="needs a second processor")
 def test_long_rollouts_are_equal_to_the_last_bit_in_other_processes_with_other_threads():
     hashes = []

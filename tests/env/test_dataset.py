@@ -264,6 +264,7 @@ def test_wrong_words_are_refused_before_anything_is_played(arguments, text, smal
 OWN = {"scene": scenes.make("drop_impact", dx=0.08)}
 
 
+@pytest.mark.every(4)
 @pytest.mark.filterwarnings("ignore:.* is set to None")
 # minari leaves its temporary folder to the garbage collector
 @pytest.mark.filterwarnings("ignore::ResourceWarning")

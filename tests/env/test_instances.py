@@ -5,6 +5,7 @@ from sph_gym.env import SCENES, instances
 from sph_gym.env.distributions import FAMILIES
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("split", instances.SIZES)
 def test_every_instance_makes_a_scene(scene, split):

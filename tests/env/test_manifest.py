@@ -96,6 +96,7 @@ PLAYED = [
 ]
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("which", [0, 1], ids=["calm", "violent"])
 @pytest.mark.parametrize("scene", PLAYED)
 def test_shipped_references_are_what_their_flows_do(scene, which):

@@ -94,6 +94,7 @@ print(reference(scenes.make("relaxation", dx=0.1)).fine.kinetic.tobytes().hex())
 """
 
 
+@pytest.mark.slow
 def test_two_processes_may_compute_one_reference(tmp_path):
     environment = os.environ | {"SPH_GYM_CACHE": str(tmp_path)}
     # machine code is shared: only the references are new
@@ -265,6 +266,7 @@ def cut(scene, n):
     return replace(scene, duration=n * scene.frame)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize("name", VISCOUS)
 def test_viscous_scenes_can_be_tuned(store, name):
     scene = cut(scenes.make(name, **ARGUMENTS[name]), 12)

@@ -59,6 +59,7 @@ def measure(folder, **changes):
     return points.measure_point(DROP, "nominal", setting, Sampling(folder, 2))
 
 
+@pytest.mark.slow
 def test_two_processes_share_a_folder(tmp_path):
     both = [
         subprocess.Popen(

@@ -209,6 +209,7 @@ def test_finished_runs_are_kept(tmp_path, monkeypatch):
     assert list(stability.catalogue(True, tmp_path, chosen)) == first
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("result", [[], [7], 5, None, [1, 0, "", {}], [1, 0, "", {"silent": "0"}]])
 def test_a_damaged_run_is_never_perfect(tmp_path, result):
     chosen = [CASES["stray particle at 100 m/s"]]
@@ -250,6 +251,7 @@ def test_plates_let_no_particle_out():
     assert jets.outside_room(start + path, 0.02).all()
 
 
+@pytest.mark.slow
 def test_memory_is_looked_at(monkeypatch, tmp_path):
     results = stability._results(tmp_path, "memory")
     rows = list(memory.rows(True, results))

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from numba.core import config as numba_config
 
 from sph_gym.solver import stepping
 from sph_gym.solver.teams import most_threads
@@ -36,8 +37,8 @@ _workers: list[dict] = []
 
 
 def pytest_xdist_auto_num_workers(config):
-    """Return more workers than processors: fewer versions, and so less memory, for each."""
-    return 3 * most_threads() + 1
+    """Return the workers: more than processors, so that each has few versions in its memory."""
+    return most_threads() if numba_config.DISABLE_JIT else most_threads() + 1
 
 
 @pytest.hookimpl(tryfirst=True)

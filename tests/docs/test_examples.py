@@ -20,6 +20,7 @@ def without_a_screen(tmp_path, monkeypatch):
     plt.close("all")
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(
     "name", [pytest.param(e, marks=pytest.mark.slow if e in SLOW else ()) for e in EXAMPLES]
 )

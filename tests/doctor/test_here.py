@@ -48,6 +48,7 @@ def test_names_and_scenes():
         of_scene("nowhere")
 
 
+@pytest.mark.slow
 def test_it_is_sound():
     diagnosis = check_solver(here())
     assert diagnosis.ok, str(diagnosis)

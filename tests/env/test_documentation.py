@@ -1,5 +1,6 @@
 import inspect
 import re
+from functools import cache
 from pathlib import Path
 
 import gymnasium as gym
@@ -25,7 +26,6 @@ from sph_gym.env.rules import Rules
 from sph_gym.env.vector import TuningVectorEnv
 
 IDS = documentation.ids()
-PAGES = {id_: documentation.page(id_) for id_ in IDS}
 SECTIONS = [
     "Description", "Action Space", "What the agent may and may not change", "Observation Space",
     "Rewards", "Starting State", "Episode End", "Information", "Arguments",
@@ -34,8 +34,13 @@ SECTIONS = [
 each_page = pytest.mark.parametrize("id_", IDS)
 
 
+@cache
+def page_of(id_):
+    return documentation.page(id_)
+
+
 def section(id_, title):
-    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGES[id_], re.M | re.S)[1]
+    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", page_of(id_), re.M | re.S)[1]
 
 
 def rows(text):
@@ -60,9 +65,9 @@ def arguments(*kinds):
 def test_every_registered_id_has_a_page():
     assert set(IDS) == {id_ for id_ in gym.registry if id_.startswith("sph_gym/")}
     assert all(f"`{id_}`" in documentation.index() for id_ in IDS)
-    assert all(re.findall("^## (.*)$", page, re.M) == SECTIONS for page in PAGES.values())
+    assert all(re.findall("^## (.*)$", page, re.M) == SECTIONS for page in map(page_of, IDS))
     assert all(len(section(id_, title)) > 10 for id_ in IDS for title in SECTIONS)
-    assert not any("$" in page or "\n\n\n" in page for page in PAGES.values())
+    assert not any("$" in page or "\n\n\n" in page for page in map(page_of, IDS))
 
 
 @each_page
@@ -109,7 +114,7 @@ def test_labels_are_told_with_their_reasons(id_):
         assert label == FAMILIES[scene].label
         assert reason == (instances.BENCHMARK if game else instances.DIAGNOSTIC[scene])
         assert headroom == FAMILIES[scene].gain
-    assert all(f"- *{kind}*:" in PAGES[id_] for kind in ("benchmark", "diagnostic")) == bool(told)
+    assert all(f"- *{kind}*:" in page_of(id_) for kind in ("benchmark", "diagnostic")) == bool(told)
 
 
 def test_the_readme_has_the_labels_of_the_pages():
@@ -123,7 +128,7 @@ def test_the_readme_has_the_labels_of_the_pages():
 
 
 def test_the_pages_say_what_ood_shows_and_what_identifies_a_flow():
-    page = PAGES["sph_gym/DamBreak-v1"]
+    page = page_of("sph_gym/DamBreak-v1")
     shifts = {row[0]: row[1] for row in under(page, f"NUMBER % {len(SHIFTS)}")}
     for number in range(2 * len(SHIFTS)):
         shown = instances.shift(f"dam_break/ood/{number}")
@@ -180,7 +185,7 @@ def test_values_in_the_text_are_those_of_the_code():
 
 
 def test_contexts_and_layouts_are_told_with_their_versions():
-    page = PAGES["sph_gym/DamBreak-v1"]
+    page = page_of("sph_gym/DamBreak-v1")
     kinds = {row[0]: row[1:] for row in under(page, r'`info\["context"\]`')}
     assert set(kinds) == {f'`"{kind}"`' for kind in contexts.KINDS}
     assert kinds['`"noisy"`'][1] == "{:.4g} to {:.4g}".format(*contexts.NOISY)

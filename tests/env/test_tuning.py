@@ -54,6 +54,7 @@ def test_rollouts_are_equal_to_the_last_bit(id_):
         assert info == same_info
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("id_", IDS)
 def test_observations_stay_in_their_space_whatever_is_done(id_):
     env = gym.make(id_, instances="train", **COARSE).unwrapped

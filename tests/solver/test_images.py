@@ -297,6 +297,7 @@ def test_densities_by_continuity_start_with_those_of_rest(integrator):
     assert sim.advance(sim.controls.dt).n_substeps == 1
 
 
+@pytest.mark.slow
 @uncompiled
 def test_any_direction_may_be_down_and_a_fluid_may_be_moving():
     """A tank that lies on its side is the same; a fluid that moves keeps its velocity."""

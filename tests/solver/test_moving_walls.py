@@ -143,6 +143,7 @@ def test_boundary_particles_move_as_told(integrator, pressure):
     assert sim.scene.walls.top_speed >= np.hypot(*sim.v[sim.n_fluid :].T).max()
 
 
+@pytest.mark.every(2)
 @integrators
 @pytest.mark.parametrize("pressure", ["like fluid", "extrapolated"])
 def test_nothing_passes_a_piston(integrator, pressure):

@@ -143,6 +143,7 @@ def small():
     return tank(2.6, walls=walls, width=0.12, depth=0.12, hydrostatic=True)
 
 
+@pytest.mark.slow
 @uncompiled
 def test_any_direction_may_be_down():
     upright_one = small()
@@ -170,6 +171,7 @@ def test_far_from_the_origin_and_in_single_precision():
     assert np.abs(found - expected).max() < 0.02 * expected.max()
 
 
+@pytest.mark.slow
 @uncompiled
 def test_a_floor_may_close_upon_itself():
     width = 0.22

@@ -327,6 +327,7 @@ def test_a_shift_is_no_faster_than_half_of_what_c0_is_meant_for():
         assert (np.isclose(speeds, 0.05 * C0, rtol=1e-9).sum() > len(speeds) / 2) == limit
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("kernel", ["mueller", "wendland_c2", "spiky", "quintic_spline"])
 @pytest.mark.parametrize("continuity", [False, True])
 def test_nothing_shifts_across_a_free_surface(kernel, continuity):
@@ -352,6 +353,7 @@ def test_particles_shift_to_where_there_are_fewer():
     assert shifts(endless(x=x, v=None, effects=Effects(shifting=0.5)))[66, 0] < 0.0
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize("h_over_dx", [2.0, 2.5, 3.0, 3.5, 4.0])
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_laminar_viscosity_is_exact_for_a_parabola_on_the_rest_lattice(kernel, h_over_dx):

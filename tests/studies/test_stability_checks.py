@@ -235,7 +235,12 @@ def test_energy_from_nowhere_that_is_not_reported_is_silence():
 
 
 @pytest.mark.parametrize(
-    "name", ["thin jet on a plate", "corner jet, boundary particles", "dt x 1"]
+    "name",
+    [
+        pytest.param("thin jet on a plate", marks=pytest.mark.slow),
+        "corner jet, boundary particles",
+        "dt x 1",
+    ],
 )
 def test_a_particle_behind_a_wall_is_seen(name):
     behind, sim = CASES[name].behind, start(name)
@@ -252,6 +257,7 @@ def test_particles_on_the_box_are_counted():
     assert checks.n_held_by_box(sim) == 2
 
 
+@pytest.mark.slow
 def test_a_box_that_moves_is_where_it_is_now():
     sim = start("swinging wall")
     assert checks.n_passed(sim) == 0
@@ -296,6 +302,7 @@ def test_runs_are_compared_where_they_have_come_to():
     assert np.array_equal(copy.x, run.sim.x)
 
 
+@pytest.mark.slow
 def test_a_list_that_misses_neighbours_is_seen():
     sim = start("dt x 1")
     sim.advance(sim.scene.frame)
@@ -305,6 +312,7 @@ def test_a_list_that_misses_neighbours_is_seen():
     assert comparisons.grid_gap(sim) > checks.SAME["float64"]
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize("name", ["colliding patches", "far from the origin, in a tank"])
 def test_a_sample_is_compared_in_single_precision_too(name):
     # as far from its origin as a large flow is in multiples of its spacing, or farther

@@ -6,6 +6,7 @@ printed at the end; `make test` fails above the budget, so that it stays quick.
 """
 
 import hashlib
+import os
 import re
 import resource
 import sys
@@ -22,7 +23,7 @@ from sph_gym.solver.teams import most_threads
 # The run that must stay within the budget: `make test`.
 QUICK = "not slow"
 # Compiled versions of the solver, and peak memory of each worker [GB].
-MAX_VERSIONS = 75
+MAX_VERSIONS = 66
 MAX_MEMORY = 2.5
 
 settings.register_profile("suite", deadline=None, derandomize=True, max_examples=40)
@@ -38,7 +39,7 @@ _workers: list[dict] = []
 
 def pytest_xdist_auto_num_workers(config):
     """Return the workers: more than processors, so that each has few versions in its memory."""
-    return most_threads() if numba_config.DISABLE_JIT else most_threads() + 1
+    return (os.cpu_count() or 1) if numba_config.DISABLE_JIT else 2 * most_threads() + 1
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -14,7 +14,7 @@ ENVIRONMENTS, PROJECT = GENERATED / "environments", GENERATED / "project"
 # Copied as it is to the root of the site.
 EXTRA = GENERATED / "extra"
 # Pages of the repository's root that the site has too.
-ROOT_PAGES = ("README", "CHANGELOG", "CONTRIBUTING")
+ROOT_PAGES = ("README", "CHANGELOG", "CONTRIBUTING", "RELEASING")
 PAGES_OF_FILES = {
     "examples/README.rst": "generated/gallery/index.rst",
     **{f"../{name}.md": f"generated/project/{name}.md" for name in ROOT_PAGES},

@@ -1,6 +1,7 @@
 """Pages of the site that are made from the code and from files beside docs/."""
 
 import importlib
+import re
 import shutil
 
 import films
@@ -42,6 +43,15 @@ def test_pages_of_the_root_link_to_where_things_are_on_the_site(folder):
     assert "](../../environments.md)" in text
     assert "](../../../LICENSE)" in text
     assert "](docs/" not in text
+
+
+def test_pages_of_the_root_link_to_nothing_that_the_site_lacks(folder):
+    site_pages.write()
+    for page in (folder / "project").iterdir():
+        text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S)
+        targets = {one.partition("#")[0] for one in re.findall(r"\]\((?!https?:)([^)]+)\)", text)}
+        here = {f"{name}.md" for name in site_pages.ROOT_PAGES}
+        assert {one for one in targets if not one.startswith("../")} <= here
 
 
 def test_links_to_pages_of_the_root_lead_to_their_copies():

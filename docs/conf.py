@@ -41,6 +41,8 @@ html_theme = "furo"
 html_title = "sph_gym"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+# films, to the root of the site
+html_extra_path = [str(site_pages.EXTRA)]
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False

@@ -46,6 +46,7 @@ is the work of the frame.*
 def write() -> None:
     """Write the pages of all environments and of the root; make films where there are networks."""
     paths = documentation.write(ENVIRONMENTS)
+    EXTRA.mkdir(parents=True, exist_ok=True)
     filmed = films.make(EXTRA / "films")
     for path in paths:
         if path.stem in filmed:

@@ -1,5 +1,6 @@
 """The built site: no warning, no link that leads nowhere, nothing from the network."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -10,7 +11,9 @@ from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
 import pytest
+import site_pages
 
+from sph_gym.env.selection import GROUPS
 from tests.docs.conftest import DOCS
 
 ROOT = DOCS.parent
@@ -102,12 +105,15 @@ def site(tmp_path_factory):
     copy = tmp_path_factory.mktemp("site")
     ignored = shutil.ignore_patterns("_build", "generated", "__pycache__")
     shutil.copytree(DOCS, copy / "docs", ignore=ignored)
-    for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE"):
+    pages = [f"{name}.md" for name in site_pages.ROOT_PAGES]
+    for name in (*pages, "CITATION.cff", "LICENSE"):
         shutil.copy(ROOT / name, copy)
     options = ["-W", "--keep-going", "-q", "-D", "plot_gallery=0", "-b", "html"]
     done = subprocess.run(
         [sys.executable, "-m", "sphinx", *options, "docs", "html"],
         cwd=copy, capture_output=True, text=True, timeout=900,
+        # films are made with agents of the clone
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return Path(copy / "html")
@@ -117,5 +123,6 @@ def site(tmp_path_factory):
 def test_the_site_is_whole_and_needs_no_network(site):
     assert (site / "index.html").exists()
     assert (site / "generated" / "gallery" / "dam_break.html").exists()
+    assert len(list(site.glob("films/*/*.mp4"))) == len(GROUPS["benchmark"])
     assert from_network(site) == []
     assert dead(site) == []

@@ -95,7 +95,9 @@ def headline(summary: pd.DataFrame) -> str:
     near = others[others["return_high"] >= first["return_low"]]
     if len(near):
         names = _listed(near["agent"])
-        text += f" Its interval overlaps with that of {names}: other instances may turn the order."
+        best = style_of(first["agent"]).label
+        text += f" The interval of {best} overlaps with that of {names}:"
+        text += " other instances may turn the order."
     blown = others[others["blowup"] > 0]
     if len(blown):
         text += f" Blow-ups: {', '.join(_share(row) for _, row in blown.iterrows())}."

@@ -22,7 +22,7 @@ from sph_gym.solver.batch import advance_all
 from sph_gym.solver.model import with_controls
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import DTYPES, Simulation
-from sph_gym.studies import environments, picture, startup, variants
+from sph_gym.studies import drawing, environments, picture, startup, variants
 from sph_gym.studies.peers import NAME, SCRIPT, Peers, compare
 from sph_gym.studies.phases import PHASES
 from sph_gym.studies.table import Part, Row, measure_parts
@@ -44,6 +44,8 @@ LARGE, SMALL = 1.15, 1.2
 BATCH = 34.0
 RATE = "M particle-steps/s"
 UNIT = "ns/fluid particle"
+# Pictures of each kind that are painted.
+PICTURES = 300
 
 
 class ThroughputPlan(NamedTuple):
@@ -102,6 +104,8 @@ def parts(plan: ThroughputPlan, peers: Peers | None = None) -> list[Part]:
     for scene in plan.agents.spacings:
         rows = partial(environments.measure, plan.agents, *scene)
         found.append((f"environments, {scene[0]}", rows))
+    shown = dam_break(min(plan.sizes)), dam_break(plan.reference)
+    found.append(("pictures", partial(drawing.measure, *shown, PICTURES)))
     found.append(("compiling", startup.compiling))
     if peers is not None:
         sizes = [n for n in plan.sizes if n >= plan.reference]

@@ -58,6 +58,13 @@ def test_many_small_fluids():
     assert names(rows) == {"many small fluids", "many small fluids, fluid alone"}
 
 
+def test_pictures_and_frames_of_the_window():
+    rows = list(drawing.measure(throughput.dam_break(100), throughput.dam_break(200), rounds=3))
+    assert len(names(rows)) == len(rows) == 4
+    assert all(np.isfinite(row.value) and row.value > 0 for row in rows)
+    assert {row.bound for row in rows} == {None, drawing.PICTURES, drawing.FRAMES, drawing.WAIT}
+
+
 def test_every_part_has_a_title():
     peers = Peers(None)
     titles = [title for title, _ in throughput.parts(throughput.FULL, peers)]

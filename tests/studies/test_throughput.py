@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sph_gym.studies import peer_solvers, startup, throughput
+from sph_gym.studies import drawing, peer_solvers, startup, throughput
 from sph_gym.studies.peers import SCRIPT as SCRIPT_NAME
 from sph_gym.studies.peers import PeerError, Peers, compare, parse
 from sph_gym.studies.phases import PHASES

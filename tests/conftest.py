@@ -39,7 +39,7 @@ _workers: list[dict] = []
 
 def pytest_xdist_auto_num_workers(config):
     """Return the workers: more than processors, so that each has few versions in its memory."""
-    return (os.cpu_count() or 1) if numba_config.DISABLE_JIT else 2 * most_threads() + 1
+    return (os.cpu_count() or 1) if numba_config.DISABLE_JIT else 3 * most_threads() + 1
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -1,4 +1,4 @@
-"""What a picture costs: the first one, each further one, and a frame of the window."""
+"""Time pictures: the first one, further ones, and frames of the window."""
 
 import os
 from collections.abc import Iterator

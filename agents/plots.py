@@ -26,7 +26,9 @@ from sph_gym.env.rewards import TERMS, Tolerances
 from sph_gym.studies.averages import bootstrap_interval
 
 # Markers look equally large at these sizes; a circle stays visible below a square.
-SIZES = {"o": 1.25, "s": 0.85, "P": 1.2, "*": 1.5, "p": 1.2}
+SIZES = {"o": 1.25, "s": 0.85, "P": 1.2, "*": 1.5, "p": 1.2} | dict.fromkeys(
+    (r"$\heartsuit$", r"$\clubsuit$", r"$\spadesuit$"), 1.6
+)
 INK, MUTED, RULE = "#262c36", "#5f6670", "#d6d9dd"
 LOOK: dict[Any, Any] = {
     **{f"axes.spines.{side}": False for side in ("top", "right")},

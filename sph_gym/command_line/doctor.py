@@ -27,14 +27,24 @@ def add(commands: Any) -> None:
     add = doctor.add_argument
     text = "compare A B: two solvers on the same cases; each is MODULE:FACTORY, FILE.py:FACTORY, "
     add("pair", nargs="*", metavar="compare A B", help=text + "grid, brute, float32 or plain")
-    add("--solver", metavar="MODULE:FACTORY", help="your own; also FILE.py:FACTORY")
+    add(
+        "--solver",
+        metavar="MODULE:FACTORY",
+        help="your own solver, by the function that makes it; also FILE.py:FACTORY",
+    )
     scene = add("--scene", help="this solver, with the settings of one of its scenes")
     completed(scene, scenes.names())
     text = "frames of any solver: .npz, .h5, .hdf5, .pvd, .vtk, .vtu, .csv, or their folder"
     add("--recording", metavar="PATH", help=text)
     text = "a solver with this fault; all: every fault and the link that is found"
     add("--fault", metavar="NAME", help=text)
-    add("--skip", nargs="+", default=[], metavar="CHECK", help="checks to leave out")
+    add(
+        "--skip",
+        nargs="+",
+        default=[],
+        metavar="CHECK",
+        help="names of checks to leave out; --list shows all",
+    )
     add("--seed", type=int, default=0, help="of the random arrangements")
     add("--json", metavar="PATH", help=JSON_HELP)
     add("--html", default="", metavar="PATH", help="write it there as a page")

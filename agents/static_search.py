@@ -65,7 +65,7 @@ class Proposer(Protocol):
         """Take the mean returns of the settings that were asked for."""
 
 
-class Grid:
+class GridSearch:
     """All combinations in one batch."""
 
     def __init__(self, args: StaticSearchArgs) -> None:
@@ -127,7 +127,7 @@ class Group(NamedTuple):
 def _groups(args: StaticSearchArgs) -> Iterator[Group]:
     known("method", args.method, STATIC[:-1])
     known("per", args.per, PER)
-    propose = Grid if args.method == "grid_search" else Sampler
+    propose = GridSearch if args.method == "grid_search" else Sampler
     for scene in members(args.scene):
         ids = instance_ids(scene, args.instances, args.n_instances)
         parts = {scene: ids} if args.per == "scene" else {id_: [id_] for id_ in ids}

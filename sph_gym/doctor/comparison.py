@@ -7,7 +7,7 @@ import numpy as np
 from sph_gym.doctor.case import C0, DX, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checkup import resolve
 from sph_gym.doctor.diagnosis import LINKS, Diagnosis, Result
-from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, Subject, Unsupported
+from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, SolverUnderTest, Unsupported
 
 # Relative differences below these are rounding: of solvers in double precision that sum in another
 # order, and where one of the two keeps single precision.
@@ -43,7 +43,9 @@ def compare(a: Factory | str, b: Factory | str, seed: int = 0) -> Diagnosis:
             continue
         try:
             results += _parting(
-                setting, Subject(make_a, setting.case), Subject(make_b, setting.case)
+                setting,
+                SolverUnderTest(make_a, setting.case),
+                SolverUnderTest(make_b, setting.case),
             )
         except (Misfit, Crash, Hang) as error:
             text, remedy = str(error), "Run the doctor on each of the two by itself first."
@@ -71,7 +73,7 @@ def _settings(rng: np.random.Generator) -> list[_Setting]:
     ]
 
 
-def _parting(setting: _Setting, a: Subject, b: Subject) -> list[Result]:
+def _parting(setting: _Setting, a: SolverUnderTest, b: SolverUnderTest) -> list[Result]:
     rounding = SINGLE if any(_is_single(each) for each in (a, b)) else DOUBLE
 
     def differ(what: str, link: str, bound: float = rounding) -> Result:
@@ -101,7 +103,7 @@ def _parting(setting: _Setting, a: Subject, b: Subject) -> list[Result]:
     return results
 
 
-def _is_single(subject: Subject) -> bool:
+def _is_single(subject: SolverUnderTest) -> bool:
     """Return whether positions are kept in single precision; what is no array is not."""
     subject.x  # noqa: B018  an error inside of the property is told as the solver's
     return getattr(getattr(subject.solver, "x", None), "dtype", None) == np.float32
@@ -136,7 +138,7 @@ def _difference(
     )
 
 
-def _lists(setting: _Setting, a: Subject, b: Subject) -> Result:
+def _lists(setting: _Setting, a: SolverUnderTest, b: SolverUnderTest) -> Result:
     """Compare lists of neighbours within the support; what lies beyond is no one's business."""
     wrong = 0
     for i in range(setting.case.n):

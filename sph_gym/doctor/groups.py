@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import Array, Case, case
 from sph_gym.doctor.lab import TINY, Lab
-from sph_gym.doctor.subject import Subject
+from sph_gym.doctor.subject import SolverUnderTest
 
 # Responses below this share of the natural scale are none.
 SILENT = 1e-6
@@ -48,7 +48,7 @@ def at_rest(lab: Lab, start: Case) -> Response:
     return response
 
 
-def present(lab: Lab, subject: Subject, share: float = TINY) -> Response:
+def present(lab: Lab, subject: SolverUnderTest, share: float = TINY) -> Response:
     """Return what a solver does in a few tiny steps of this share of h / c0.
 
     Several, as some solvers know the densities or accelerations of the step before only.

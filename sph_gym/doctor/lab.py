@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import Array, Case
-from sph_gym.doctor.subject import Factory, Subject
+from sph_gym.doctor.subject import Factory, SolverUnderTest
 
 # A step so short that nothing moves: this share of the time that sound takes across the support.
 TINY = 1e-4
@@ -52,15 +52,15 @@ class Lab:
         """Return the relative error that rounding alone may cause in a sum over neighbours."""
         return 1e-3 if self.float32 else 1e-8
 
-    def make(self, case: Case) -> Subject:
+    def make(self, case: Case) -> SolverUnderTest:
         """Return a new solver for the case; its steps raise Waits if the clock is broken."""
         started = time.monotonic()
-        subject = Subject(self._factory, case, self._deadline, self.broken_clock)
+        subject = SolverUnderTest(self._factory, case, self._deadline, self.broken_clock)
         # a solver that is compiled for the case must not use up the time of the check
         self._deadline += time.monotonic() - started
         return subject
 
-    def run(self, case: Case, dt: float, n_steps: int) -> Subject:
+    def run(self, case: Case, dt: float, n_steps: int) -> SolverUnderTest:
         """Return a new solver after so many steps."""
         return self.make(case).step(dt, n_steps)
 

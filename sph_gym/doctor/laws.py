@@ -183,7 +183,7 @@ def integral(q: Array, values: Array) -> float:
     return float(inner + 2 * np.pi * outer)
 
 
-class Weights(NamedTuple):
+class KernelTable(NamedTuple):
     """The measured m W(r).
 
     settings: of the case, see `fluid`; q: (k,) distances in support radii; values: (k,) m W

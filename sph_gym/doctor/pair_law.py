@@ -13,7 +13,7 @@ import numpy as np
 from sph_gym.doctor.case import GAMMA, Array
 from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.laws import KERNELS, Kernel, lattice_sum
-from sph_gym.doctor.pair_faults import FAULTS, LINEAR, SOUND, Fault
+from sph_gym.doctor.pair_faults import FAULTS, LINEAR, SOUND, PairFault
 
 # A law explains a measurement if it is nowhere off by more than this share. A faulty law is
 # believed only if every sound one is off by FAR or more, and so many times as far as the faulty
@@ -24,7 +24,7 @@ CLEARLY = 5.0
 ROUNDING = 5e-3
 
 
-class Series(NamedTuple):
+class PairForces(NamedTuple):
     """Forces of pairs, measured in one case.
 
     ratio: h / dx; h [m]; c0 [m/s]; q: (k,) distances; force: (k,) positive where partners part;
@@ -44,7 +44,7 @@ class Series(NamedTuple):
     partners: int = 1
 
 
-class Law(NamedTuple):
+class FittedPairLaw(NamedTuple):
     """A pair law that was compared with a measurement.
 
     fault: None for a sound law; error: the largest distance, as a share of the force there;
@@ -55,7 +55,7 @@ class Law(NamedTuple):
     slope: str
     calibrated: bool
     form: float
-    fault: Fault | None
+    fault: PairFault | None
     error: float
     scale: float = 1.0
 
@@ -73,20 +73,20 @@ _USUAL = np.array(
 )
 
 
-def force(law: Law, one: Series, at: Array) -> Array:
+def force(law: FittedPairLaw, one: PairForces, at: Array) -> Array:
     """Return the forces (k,) of a law for densities of pairs at one.q and slopes at `at`."""
     fault = law.fault or SOUND
     model = _model(one, fault, law.calibrated, at)
     return np.asarray(law.form * model[_NAMES.index(law.density), _NAMES.index(law.slope)])
 
 
-def density(law: Law, one: Series) -> Array:
+def density(law: FittedPairLaw, one: PairForces) -> Array:
     """Return rho / rho0 (k,) that a law gives pairs at one.q."""
     rho = _densities(one, law.fault or SOUND, law.calibrated)[1]
     return np.asarray(rho[_NAMES.index(law.density)])
 
 
-def laws(series: list[Series]) -> tuple[Law, Law]:
+def laws(series: list[PairForces]) -> tuple[FittedPairLaw, FittedPairLaw]:
     """Return the best sound law and the best faulty one."""
     sound = min(_fits(series, SOUND), key=lambda law: law.error)
     moving = series[0].start is not None
@@ -98,13 +98,15 @@ def laws(series: list[Series]) -> tuple[Law, Law]:
     return sound._replace(fault=None), faulty
 
 
-def scaled_law(series: list[Series]) -> Law:
+def scaled_law(series: list[PairForces]) -> FittedPairLaw:
     """Return the law that is best when forces are multiplied by one number, sound or linear."""
     found = [law for f in (SOUND, LINEAR) for law in _fits(series, f, scaled=True)]
     return min(found, key=lambda law: law.error)
 
 
-def _fits(series: list[Series], fault: Fault, scaled: bool = False) -> Iterator[Law]:
+def _fits(
+    series: list[PairForces], fault: PairFault, scaled: bool = False
+) -> Iterator[FittedPairLaw]:
     """Yield the law with the best kernels for each mass and form of the force."""
     for calibrated in (True, False):
         models = [_difference(one, fault, calibrated) for one in series]
@@ -121,7 +123,9 @@ def _fits(series: list[Series], fault: Fault, scaled: bool = False) -> Iterator[
                 error = np.where(_USUAL, error, np.inf)
             i, j = np.unravel_index(np.argmin(error), error.shape)
             by = float(scale[i, j]) * form
-            yield Law(_NAMES[i], _NAMES[j], calibrated, form, fault, float(error[i, j]), by)
+            yield FittedPairLaw(
+                _NAMES[i], _NAMES[j], calibrated, form, fault, float(error[i, j]), by
+            )
 
 
 def _scale(model: Array, force: Array) -> Array:
@@ -131,7 +135,7 @@ def _scale(model: Array, force: Array) -> Array:
         return np.asarray(force[most] / model[..., most])
 
 
-def _error(model: Array, one: Series) -> Array:
+def _error(model: Array, one: PairForces) -> Array:
     """Return how far each model (i, j, k) is from the measured forces, at its worst distance."""
     rounding = ROUNDING if one.start is None else 0.0
     size = np.abs(one.force).max(initial=0.0)
@@ -140,14 +144,14 @@ def _error(model: Array, one: Series) -> Array:
     return np.asarray((off / ((np.abs(model) + np.abs(one.force)) / 2 + floor)).max(axis=-1))
 
 
-def _difference(one: Series, fault: Fault, calibrated: bool) -> Array:
+def _difference(one: PairForces, fault: PairFault, calibrated: bool) -> Array:
     model = _model(one, fault, calibrated)
     if one.base is None:
         return model
     return model - _model(one._replace(q=one.base), fault, calibrated)
 
 
-def _model(one: Series, fault: Fault, calibrated: bool, at: Array | None = None) -> Array:
+def _model(one: PairForces, fault: PairFault, calibrated: bool, at: Array | None = None) -> Array:
     """Return the forces (density kernel, slope, distance) of a law; at: distances of slopes."""
     masses, rho = _densities(one, fault, calibrated)
     load = masses[:, None] * _pressure(rho, fault) / np.maximum(rho, 1e-12) ** 2
@@ -163,7 +167,7 @@ def _model(one: Series, fault: Fault, calibrated: bool, at: Array | None = None)
     return np.asarray(factor * load[:, None] * np.array(slopes)[None])
 
 
-def _densities(one: Series, fault: Fault, calibrated: bool) -> tuple[Array, Array]:
+def _densities(one: PairForces, fault: PairFault, calibrated: bool) -> tuple[Array, Array]:
     """Return masses (kernel,) in rho0 h^2 and densities (kernel, distance) in rho0."""
     masses, rho, reach = [], [], fault.reach * fault.reach_density
     for kernel in KERNELS.values():
@@ -183,7 +187,7 @@ def _densities(one: Series, fault: Fault, calibrated: bool) -> tuple[Array, Arra
     return np.array(masses), np.array(rho)
 
 
-def _pressure(rho: Array, fault: Fault) -> Array:
+def _pressure(rho: Array, fault: PairFault) -> Array:
     """Return p / (rho0 c0^2)."""
     exponent = fault.exponent or GAMMA
     if fault.upside_down:

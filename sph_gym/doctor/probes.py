@@ -15,7 +15,7 @@ from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
 from sph_gym.doctor.findings import Finding, failed, inconclusive
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import Function
-from sph_gym.doctor.subject import Crash, Subject
+from sph_gym.doctor.subject import Crash, SolverUnderTest
 
 # Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
 # times as large as those at rest, and even then a step is to move nobody by more than 1e-5 h.
@@ -106,7 +106,7 @@ def fields(lab: Lab, start: Case) -> Seen:
     return seen
 
 
-def _look(subject: Subject, lab: Lab, still: float) -> tuple[Seen, Array]:
+def _look(subject: SolverUnderTest, lab: Lab, still: float) -> tuple[Seen, Array]:
     """Return what is seen, and the accelerations (n, 2) that a step of twice the time shows."""
     if "evaluate" in lab.shown:
         # twice, for a solver whose pressures lag behind
@@ -122,17 +122,17 @@ def _look(subject: Subject, lab: Lab, still: float) -> tuple[Seen, Array]:
     return Seen(rho, p, change(subject, still, 2)), change(subject, 2 * still)
 
 
-def _shown(subject: Subject, lab: Lab, name: str) -> Array:
+def _shown(subject: SolverUnderTest, lab: Lab, name: str) -> Array:
     return subject.get(name) if name in lab.shown else np.full(subject.case.n, np.nan)
 
 
-def change(subject: Subject, dt: float, n_steps: int = 1) -> Array:
+def change(subject: SolverUnderTest, dt: float, n_steps: int = 1) -> Array:
     """Return dv/dt (n, 2) [m/s^2] over the next steps of dt seconds."""
     before = subject.v
     return (subject.step(dt, n_steps).v - before) / (n_steps * dt)
 
 
-def passing(subject: Subject, lab: Lab, dt: float) -> Seen:
+def passing(subject: SolverUnderTest, lab: Lab, dt: float) -> Seen:
     """Return rho, p and a as they were at the last evaluation of a solver in motion."""
     rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
     a = subject.get("a") if "a" in lab.shown else change(subject, dt)

@@ -12,7 +12,7 @@ _FIRST, _LAST = 2, 5
 
 
 @dataclass
-class Track:
+class ShortRun:
     """A run of a few steps: x, v (steps + 1, n, 2) before each and after the last."""
 
     lab: Lab
@@ -38,7 +38,7 @@ class Track:
         return self.apart(f"{k}+{part}", x, self.v[k])
 
 
-def follow(lab: Lab, start: Case, dt: float) -> Track:
+def follow(lab: Lab, start: Case, dt: float) -> ShortRun:
     """Return the track of a new solver; its steps are those that the models look at."""
     subject = lab.make(start)
     x, v = [subject.x], [subject.v]
@@ -46,7 +46,7 @@ def follow(lab: Lab, start: Case, dt: float) -> Track:
         subject.step(dt)
         x.append(subject.x)
         v.append(subject.v)
-    return Track(lab, start, dt, np.stack(x), np.stack(v))
+    return ShortRun(lab, start, dt, np.stack(x), np.stack(v))
 
 
 # What the change of v in step k may be made of: the cheap ones first.
@@ -68,7 +68,7 @@ DRIFTS = {
 HOLDS = 0.1
 
 
-def best_kick(track: Track) -> tuple[str, float]:
+def best_kick(track: ShortRun) -> tuple[str, float]:
     """Return the model of v(k+1) - v(k) that leaves least, and what it leaves (`HOLDS`)."""
     unit = _size([track.a(k + 1) - track.a(k) for k in range(_FIRST, _LAST)])
     best = ("", np.inf)
@@ -84,7 +84,7 @@ def best_kick(track: Track) -> tuple[str, float]:
     return best
 
 
-def best_drift(track: Track) -> tuple[str, float]:
+def best_drift(track: ShortRun) -> tuple[str, float]:
     """Return the model of x(k+1) - x(k) that leaves least, in changes of v a step."""
     unit = _size([track.v[k + 1] - track.v[k] for k in range(_FIRST, _LAST)])
     scores = {

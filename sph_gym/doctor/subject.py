@@ -51,7 +51,7 @@ class _Alarm(BaseException):
     """No Exception, so that a solver's own `except Exception` lets it pass."""
 
 
-class Subject:
+class SolverUnderTest:
     """A solver that was made for one case.
 
     All arrays are returned as float64 copies. broken_clock: the check that has found that steps do
@@ -78,7 +78,7 @@ class Subject:
         """Return the object that the factory made."""
         return self._solver
 
-    def step(self, dt: float, n: int = 1) -> "Subject":
+    def step(self, dt: float, n: int = 1) -> "SolverUnderTest":
         """Advance n steps of dt seconds each, and return self."""
         if self._broken_clock:
             raise Waits(self._broken_clock)
@@ -115,7 +115,7 @@ class Subject:
         except (TypeError, ValueError):
             raise Misfit(f"{name}: expected a number, got {value!r:.60}") from None
 
-    def evaluate(self) -> "Subject":
+    def evaluate(self) -> "SolverUnderTest":
         """Renew rho, p and a for the present positions, and return self."""
         self._call("evaluate()", self._solver.evaluate)
         return self

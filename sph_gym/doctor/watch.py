@@ -33,7 +33,7 @@ NAMES = ("x", "v", "rho", "p", "a")
 CONSTANTS = ("dx", "h", "rho0", "c0", "gamma", "stiffness")
 
 
-class Moment(NamedTuple):
+class WatchedMoment(NamedTuple):
     """A state, and when it was.
 
     step: 0 is the start; time: [s]; controls: dt [s], stiffness [Pa] and xsph, NaN where the solver
@@ -73,7 +73,9 @@ class Tripped(Exception):
     unless it has another number of particles.
     """
 
-    def __init__(self, offender: Offender, moments: list[Moment], step: int, time: float) -> None:
+    def __init__(
+        self, offender: Offender, moments: list[WatchedMoment], step: int, time: float
+    ) -> None:
         self.offender, self.moments, self.step, self.time = offender, moments, step, time
         self.around = _around(offender, moments)
         self.parameters: dict[str, Any] = {}
@@ -181,8 +183,8 @@ class _Guard:
         self._step, self._time, self._alert = 0, 0.0, True
         start = self._state()
         size = sum(column.nbytes for column in start if column is not None)
-        self._moments: deque[Moment] = deque(maxlen=max(2, min(KEPT, ROOM // max(size, 1))))
-        self._moments.append(Moment(0, 0.0, self._controls(math.nan), start))
+        self._moments: deque[WatchedMoment] = deque(maxlen=max(2, min(KEPT, ROOM // max(size, 1))))
+        self._moments.append(WatchedMoment(0, 0.0, self._controls(math.nan), start))
 
     def look_at_start(self) -> None:
         """Look at the solver before its first step; later, do nothing."""
@@ -190,7 +192,7 @@ class _Guard:
             return
         # it may have been changed since the watch began
         start = self._state()
-        self._moments[0] = Moment(0, 0.0, self._controls(math.nan), start)
+        self._moments[0] = WatchedMoment(0, 0.0, self._controls(math.nan), start)
         offender = find(_computed(start), self._limits)
         if offender is not None:
             self._trip(offender._replace(link="setup"))
@@ -206,7 +208,7 @@ class _Guard:
         offender = _another_number(self._moments[-1].state, state)
         if offender is None:
             offender = self._reported(state, report)
-            self._moments.append(Moment(self._step, self._time, self._controls(dt), state))
+            self._moments.append(WatchedMoment(self._step, self._time, self._controls(dt), state))
             offender = offender or find(state, self._limits)
         if offender is not None:
             self._trip(offender)
@@ -291,7 +293,7 @@ def _computed(state: State) -> State:
     return State(**others)
 
 
-def _around(offender: Offender, moments: list[Moment]) -> list[str]:
+def _around(offender: Offender, moments: list[WatchedMoment]) -> list[str]:
     if offender.particle < 0:
         return []
     state, lines = moments[-1].state, []

@@ -10,8 +10,8 @@ from sph_gym.doctor.pair_law import (
     EXPLAINS,
     FAR,
     ROUNDING,
-    Law,
-    Series,
+    FittedPairLaw,
+    PairForces,
     density,
     force,
     laws,
@@ -88,7 +88,7 @@ def pair_law(lab: Lab) -> Finding:
     return _explained(lab, series)
 
 
-def _explained(lab: Lab, series: list[Series]) -> Finding:
+def _explained(lab: Lab, series: list[PairForces]) -> Finding:
     """Return which law explains the forces of pairs."""
     moving = series[0].start is not None
     # accelerations of pairs in motion belong to a time that is known to half a step only
@@ -115,7 +115,7 @@ def _explained(lab: Lab, series: list[Series]) -> Finding:
     )
 
 
-def _measured(lab: Lab, ratio: float) -> list[Series]:
+def _measured(lab: Lab, ratio: float) -> list[PairForces]:
     """Return forces of pairs; of triangles or of pairs in motion if nothing pushes otherwise."""
     states = ((ratio, H, C0), (ratio, H / 2, 0.6 * C0))
     series = [_series(lab, *each) for each in states]
@@ -131,29 +131,29 @@ def _measured(lab: Lab, ratio: float) -> list[Series]:
     return [_closing_series(lab, *each) for each in states]
 
 
-def _pushed(series: list[Series]) -> bool:
+def _pushed(series: list[PairForces]) -> bool:
     return max(float(np.abs(one.force).max()) for one in series) > _NONE
 
 
-def _series(lab: Lab, ratio: float, h: float, c0: float, partners: int = 1) -> Series:
+def _series(lab: Lab, ratio: float, h: float, c0: float, partners: int = 1) -> PairForces:
     settings = fluid(h, ratio, c0)
     probe = pairs if partners == 1 else triangles
     found = probe(lab, DISTANCES, **settings)
     density = found.rho.mean(axis=1) / RHO0 if "rho" in lab.shown else None
     push = found.push.mean(axis=1) * h / c0**2
-    return Series(ratio, h, c0, found.q, push, density, partners=partners)
+    return PairForces(ratio, h, c0, found.q, push, density, partners=partners)
 
 
-def _closing_series(lab: Lab, ratio: float, h: float, c0: float) -> Series:
+def _closing_series(lab: Lab, ratio: float, h: float, c0: float) -> PairForces:
     """Return forces that arise while pairs approach each other."""
     first, *later = closing(lab, DISTANCES, (1, 20, 50), 0.3, **fluid(h, ratio, c0))
     # of a stiff fluid, the half step between x and a would count when pairs rebound
     last = later[-1] if later[-1].closing.min() > 0.5 * first.closing.max() else later[0]
     push = (last.push - first.push).mean(axis=1) * h / c0**2
-    return Series(ratio, h, c0, last.q, push, None, DISTANCES, first.q)
+    return PairForces(ratio, h, c0, last.q, push, None, DISTANCES, first.q)
 
 
-def _another_stiffness(series: list[Series]) -> Finding | None:
+def _another_stiffness(series: list[PairForces]) -> Finding | None:
     """Return that forces are as if sound had another speed, None if that doesn't explain them."""
     if series[0].start is not None or not _pushed(series):
         return None
@@ -222,7 +222,7 @@ def _outward(lab: Lab, h: float, spacing: float) -> float:
 def push_in_time(lab: Lab) -> Finding:
     """Let pairs collide: are they pushed by the densities and pressures of where they are?"""
     law = lab.facts.get("law")
-    if not isinstance(law, Law):
+    if not isinstance(law, FittedPairLaw):
         return skipped("the law of the forces is not known")
     q = np.linspace(0.6, 0.9, 6)
     ratio = gentle(lab, lambda each: density(law, _at(lab, each, q)))
@@ -245,9 +245,9 @@ def push_in_time(lab: Lab) -> Finding:
     return _in_time(law, pushes[0], pushes[-1], *(_at(lab, ratio, each) for each in places))
 
 
-def _at(lab: Lab, ratio: float, q: Array) -> Series:
+def _at(lab: Lab, ratio: float, q: Array) -> PairForces:
     """Return pairs at the distances q, with their densities if these are shown."""
-    one = Series(ratio, H, C0, q, q)
+    one = PairForces(ratio, H, C0, q, q)
     if "rho" not in lab.shown:
         return one
     return one._replace(density=pairs(lab, q, **fluid(H, ratio)).rho.mean(axis=1) / RHO0)
@@ -258,7 +258,12 @@ def _distances(x: Array) -> Array:
 
 
 def _in_time(
-    law: Law, push: Array, settled: Array, now: Series, start: Series, *lasts: Series
+    law: FittedPairLaw,
+    push: Array,
+    settled: Array,
+    now: PairForces,
+    start: PairForces,
+    *lasts: PairForces,
 ) -> Finding:
     """Return of which moment the densities are that made the push (k,) of colliding pairs.
 

@@ -12,7 +12,7 @@ from sph_gym.doctor.continuity import (
 )
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
-from sph_gym.doctor.laws import Match, Weights, lattice_sum, match
+from sph_gym.doctor.laws import KernelTable, Match, lattice_sum, match
 from sph_gym.doctor.probes import (
     DISTANCES,
     Pairs,
@@ -24,7 +24,7 @@ from sph_gym.doctor.probes import (
     tolerant,
 )
 from sph_gym.doctor.registry import check
-from sph_gym.doctor.subject import Subject
+from sph_gym.doctor.subject import SolverUnderTest
 
 _LINKS = {"rho": "density", "p": "pressure", "a": "force"}
 _SELF = (
@@ -65,14 +65,14 @@ def isolated(lab: Lab) -> Finding:
     )
 
 
-def _first_not_finite(lab: Lab, subject: Subject) -> str:
+def _first_not_finite(lab: Lab, subject: SolverUnderTest) -> str:
     """Return the first of what is shown, along the chain, that is not finite; "" if all is."""
     shown = {name: subject.get(name) for name in _LINKS if name in lab.shown}
     shown |= {"x": subject.x, "v": subject.v}
     return next((name for name, each in shown.items() if not np.isfinite(each).all()), "")
 
 
-def _lonely_nan(lab: Lab, subject: Subject, name: str, n_steps: int) -> Finding:
+def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> Finding:
     # positions and velocities are what accelerations make of them, which were finite so far
     moved = name not in _LINKS and "a" in lab.shown
     # a division by a density of zero shows in what comes after it
@@ -108,7 +108,7 @@ def kernel(lab: Lab) -> Finding:
     one_sided = np.abs(values[:, 0] - values[:, 1])
     if max(one_sided.max(), np.abs(here - there).max()) > noise:
         return uneven(table.q, one_sided, np.abs(here - there), noise)
-    weights = Weights(fluid(H, ratio), DISTANCES, here, own, match(DISTANCES, here, "weight"))
+    weights = KernelTable(fluid(H, ratio), DISTANCES, here, own, match(DISTANCES, here, "weight"))
     finding = _ends(weights) or _own_share(weights)
     if finding:
         return finding
@@ -124,7 +124,7 @@ def _reacting(lab: Lab, ratio: float) -> Pairs | None:
     return table if np.abs(table.rho - own).max() > 1e-4 * abs(own) else None
 
 
-def _ends(weights: Weights) -> Finding | None:
+def _ends(weights: KernelTable) -> Finding | None:
     """Return that the kernel ends elsewhere than at h, None if it doesn't."""
     q, values = weights.q, weights.values
     size = np.abs(values).max()
@@ -147,7 +147,7 @@ def _ends(weights: Weights) -> Finding | None:
     return None
 
 
-def _own_share(weights: Weights) -> Finding | None:
+def _own_share(weights: KernelTable) -> Finding | None:
     """Return that a particle's own share is not the kernel's value at 0, None if it is."""
     near, next_ = weights.values[:2]
     step = weights.q[0] / (weights.q[1] - weights.q[0])
@@ -250,7 +250,7 @@ def _inside(lab: Lab, h: float) -> tuple[float, float | None]:
     rho = fields(lab, case([*x, (30.3 * h, 9.0 * h)], **settings)).rho
     share = float(np.median(rho[:-1][inside])) / RHO0
     weights = lab.facts.get("weight")
-    if not isinstance(weights, Weights) or weights.settings != settings:
+    if not isinstance(weights, KernelTable) or weights.settings != settings:
         return share, None
     r = np.linalg.norm(x - x[len(x) // 2], axis=1)
     # a lone particle shows the mass, which some calibrate anew for every arrangement

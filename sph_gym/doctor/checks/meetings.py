@@ -10,7 +10,7 @@ from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.groups import at_rest, difference, felt, present, spread
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
-from sph_gym.doctor.subject import Subject
+from sph_gym.doctor.subject import SolverUnderTest
 
 # Speed [c0] with which two groups approach each other, and with which both drift aside.
 SPEED, DRIFT = 0.2, 0.1
@@ -30,7 +30,7 @@ _FAST, _LONG_STEPS = 0.5, 200
 CLOSE = 0.75
 
 
-class Look(NamedTuple):
+class FreshComparison(NamedTuple):
     """How a running solver compares with a new one that is given its positions and velocities.
 
     step, now: shares by which changes of v in a usual step and in tiny steps differ, the latter
@@ -100,31 +100,33 @@ def _meeting(gap: float) -> Case:
     return case(x, v)
 
 
-def _look(lab: Lab, start: Case, n_steps: int) -> Look:
+def _look(lab: Lab, start: Case, n_steps: int) -> FreshComparison:
     """Return how a solver after so many steps compares with a new one; NaN if it can't be told."""
     dt = STEP * start.h / start.c0
     subject = lab.run(start, dt, n_steps)
     missing = _unlisted(subject, dt) if "neighbors" in lab.shown else 0
     before = case(subject.x, subject.v)
     if not _finite(before):
-        return Look(np.nan, np.nan, False, missing)
+        return FreshComparison(np.nan, np.nan, False, missing)
     new, old = (each.step(dt).v - before.v for each in (lab.make(before), subject))
     step = spread(old[None], new, 1e-4 * dt * start.c0**2 / start.h)[0]
     now = case(subject.x, subject.v)
     if not _finite(now):
-        return Look(np.nan, np.nan, False, missing)
+        return FreshComparison(np.nan, np.nan, False, missing)
     fresh, running = at_rest(lab, now), present(lab, subject)
     if not (fresh.finite and running.finite):
-        return Look(np.nan, np.nan, False, missing)
+        return FreshComparison(np.nan, np.nan, False, missing)
     share = difference(running.take(np.arange(now.n)[None]), fresh, now)[0]
-    return Look(float(step), float(share), felt(fresh, now) or felt(running, now), missing)
+    return FreshComparison(
+        float(step), float(share), felt(fresh, now) or felt(running, now), missing
+    )
 
 
 def _finite(now: Case) -> bool:
     return bool(np.isfinite(now.x).all() and np.isfinite(now.v).all())
 
 
-def _unlisted(subject: Subject, dt: float) -> int:
+def _unlisted(subject: SolverUnderTest, dt: float) -> int:
     """Return how many pairs are near, and were so a step ago, but are not listed."""
     near = ~np.eye(subject.case.n, dtype=bool)
     for x in (subject.x, subject.x - dt * subject.v):

@@ -7,7 +7,7 @@ from sph_gym.doctor.case import DX, Array, Case, case, cloud, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import TINY, Lab
 from sph_gym.doctor.registry import check
-from sph_gym.doctor.subject import Subject
+from sph_gym.doctor.subject import SolverUnderTest
 from sph_gym.doctor.weights import ends_softly, pair_weights
 
 Matrix = NDArray[np.int64]
@@ -70,7 +70,7 @@ def _lists(lab: Lab, start: Case) -> Matrix:
     return listed(subject)
 
 
-def listed(subject: Subject) -> Matrix:
+def listed(subject: SolverUnderTest) -> Matrix:
     """Return how often each particle lists each other, (n, n)."""
     n = subject.case.n
     counts = np.zeros((n, n), dtype=np.int64)

@@ -24,7 +24,7 @@ _TAIT = (
 _CLAMP = "Cut pressures off at zero: p = max(0, p). "
 
 
-class Law(NamedTuple):
+class PressureFit(NamedTuple):
     """p = stiffness ((rho / rho0)^gamma - 1) + offset; error: as a share of the largest p."""
 
     stiffness: float
@@ -85,9 +85,9 @@ def _flown_together(lab: Lab, n_steps: int) -> Seen:
     return Seen(subject.get("rho"), subject.get("p"), np.empty((0, 2)))
 
 
-def _fit(ratio: Array, p: Array) -> Law:
+def _fit(ratio: Array, p: Array) -> PressureFit:
     """Return the law that fits p best; ratio: rho / rho0."""
-    best = Law(0.0, 0.0, 0.0, np.inf)
+    best = PressureFit(0.0, 0.0, 0.0, np.inf)
     size = np.abs(p).max()
     # relative errors count: without weights, the largest pressures alone would decide
     weight = 1 / (np.abs(p) + 0.02 * size)
@@ -96,11 +96,11 @@ def _fit(ratio: Array, p: Array) -> Law:
         (b, offset), *_ = np.linalg.lstsq(columns * weight[:, None], p * weight, rcond=None)
         error = float(np.abs((columns @ (b, offset) - p) * weight).max())
         if error < best.error:
-            best = Law(float(b), float(gamma), float(offset), error)
+            best = PressureFit(float(b), float(gamma), float(offset), error)
     return best
 
 
-def _judge(lab: Lab, law: Law) -> Finding:
+def _judge(lab: Lab, law: PressureFit) -> Finding:
     shown = f"B = {law.stiffness:.4g}, gamma = {law.gamma:.3g}"
     wanted = f"B = {TAIT:.4g}, gamma = {GAMMA:g}"
     numbers = {"unit": "Pa", "tolerance": "3 % of B, 0.1 of gamma"}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sph_gym.doctor.case import DX, Array, Case, case, lattice
-from sph_gym.doctor.checks.whole import QUARTER, STEPS, Course, follow
+from sph_gym.doctor.checks.whole import QUARTER, STEPS, RunEnd, follow
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -70,7 +70,7 @@ def _not_finite(lab: Lab, start: Case, told: str) -> Finding:
     )  # fmt: skip
 
 
-def _too_lively(lab: Lab, start: Case, told: str, run: Course) -> Finding:
+def _too_lively(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
     unit = 9.81 * 10 * DX
     short = follow(lab, start, start.dt / 2, 2 * STEPS)
     free = follow(lab, replace(start, box=None, gravity=np.zeros(2)), 2 * start.dt, STEPS)

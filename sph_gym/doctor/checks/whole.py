@@ -20,7 +20,7 @@ QUARTER = (
 )
 
 
-class Course(NamedTuple):
+class RunEnd(NamedTuple):
     """The end of a run: the last x, v (n, 2), and the highest speed on the way [m/s]."""
 
     x: Array
@@ -38,7 +38,7 @@ class Course(NamedTuple):
         return float((self.v**2).sum(axis=1).mean() / 2)
 
 
-def follow(lab: Lab, start: Case, dt: float, steps: int) -> Course:
+def follow(lab: Lab, start: Case, dt: float, steps: int) -> RunEnd:
     """Return a run that ends early where numbers are not finite."""
     subject, fastest = lab.make(start), 0.0
     for _ in range(steps):
@@ -47,7 +47,7 @@ def follow(lab: Lab, start: Case, dt: float, steps: int) -> Course:
         fastest = max(fastest, speed) if np.isfinite(speed) else np.inf
         if not np.isfinite(fastest):
             break
-    return Course(subject.x, subject.v, fastest)
+    return RunEnd(subject.x, subject.v, fastest)
 
 
 @check("setup", needs=("order",), last=True)
@@ -107,7 +107,7 @@ def blob(lab: Lab) -> Finding:
     return passed(f"{told}: highest speed", run.fastest / C0, f"< {_EXPLODED:g}", unit="c0")
 
 
-def _exploded(lab: Lab, start: Case, told: str, run: Course) -> Finding:
+def _exploded(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
     """Tell an explosion by the length of the step from one by the forces."""
     calm = follow(lab, start, start.dt / 4, 2 * STEPS)
     numbers = (run.fastest / C0 if run.finite else "not finite", f"< {_EXPLODED:g}")

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.passive.survey import Survey
+from sph_gym.doctor.passive.survey import OrderedRecording
 from sph_gym.doctor.reading.frames import Array
 
 GAMMAS = np.arange(0.5, 12.01, 0.25)
@@ -15,7 +15,7 @@ FITS = 0.02
 LEAST = 0.3
 
 
-class Law(NamedTuple):
+class TaitFit(NamedTuple):
     """Tait's equation p = B ((rho / rho0)^gamma - 1), as found.
 
     stiffness and rho0 are NaN for a law without a density at rest. low, high: between which gamma
@@ -38,7 +38,7 @@ class Law(NamedTuple):
         return math.sqrt(square) if square > 0 else math.nan
 
 
-def fit(rho: Array, p: Array) -> Law | None:
+def fit(rho: Array, p: Array) -> TaitFit | None:
     """Return the law that fits best; rho, p: (m,). None if there is too little to fit."""
     kept = np.isfinite(rho) & np.isfinite(p) & (p != 0) & (rho > 0)
     rho, p = rho[kept], p[kept]
@@ -57,8 +57,8 @@ def fit(rho: Array, p: Array) -> Law | None:
     tie = float(np.corrcoef(rho, p)[0, 1])
     rho0 = middle * (-constant / slope) ** (1 / gamma) if slope > 0 > constant else math.nan
     if not rho0 > LEAST * rho.min():
-        return Law(gamma, math.nan, math.nan, *_ends(alike), misfit, tie)
-    return Law(gamma, -constant, rho0, *_ends(alike), misfit, tie)
+        return TaitFit(gamma, math.nan, math.nan, *_ends(alike), misfit, tie)
+    return TaitFit(gamma, -constant, rho0, *_ends(alike), misfit, tie)
 
 
 def _ends(values: Array) -> tuple[float, float]:
@@ -85,7 +85,7 @@ def _misfit(ratio: Array, p: Array, gamma: float) -> float:
     return float(np.sqrt((rest**2).mean()) / np.std(p))
 
 
-def law(survey: Survey) -> Law | None:
+def law(survey: OrderedRecording) -> TaitFit | None:
     """Return the law of the recording's pressures, None if it can't be told."""
     if "law" not in survey.facts:
         pairs = [(f.rho, f.p) for f in survey.samples if f.rho is not None and f.p is not None]
@@ -94,11 +94,11 @@ def law(survey: Survey) -> Law | None:
             rho, p = (np.concatenate(column) for column in zip(*pairs, strict=True))
             survey.facts["law"] = fit(rho, p)
     found = survey.facts["law"]
-    assert found is None or isinstance(found, Law)
+    assert found is None or isinstance(found, TaitFit)
     return found
 
 
-def sound_speed(survey: Survey) -> float:
+def sound_speed(survey: OrderedRecording) -> float:
     """Return the speed of sound [m/s]: of the scene, or of the law if there is one; else NaN."""
     known, scene = survey.known, survey.known.scene
     if scene is not None and known.stiffness is not None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.identity import interval
 from sph_gym.doctor.passive.laws import sound_speed
-from sph_gym.doctor.passive.survey import Survey
+from sph_gym.doctor.passive.survey import OrderedRecording
 from sph_gym.doctor.reading import Frame
 
 # A velocity is steady if it changes by less than this share of itself from frame to frame.
@@ -24,7 +24,7 @@ FAST, BURST = 0.3, 2.0
 FEW, MANY = 0.01, 0.05
 
 
-class Step(NamedTuple):
+class FrameStep(NamedTuple):
     """How particles move between two frames.
 
     told, shown: time [s] between the frames by the file, and by displacements over velocities;
@@ -38,7 +38,7 @@ class Step(NamedTuple):
     aside: float
 
 
-def motion(survey: Survey) -> Finding:
+def motion(survey: OrderedRecording) -> Finding:
     """Compare displacements between frames with velocities, for particles of steady velocity."""
     if survey.first.v is None:
         return skipped("the recording has no velocities")
@@ -82,7 +82,7 @@ def _too_far(ratio: float, n: int) -> Finding:
     )
 
 
-def _unrelated(steps: list[Step]) -> Finding:
+def _unrelated(steps: list[FrameStep]) -> Finding:
     aside = float(np.median([step.aside for step in steps]))
     return failed(
         "velocities hardly change from frame to frame, and yet particles move across them: "
@@ -97,7 +97,7 @@ def _unrelated(steps: list[Step]) -> Finding:
     )
 
 
-def _step(a: Frame, b: Frame, told: float) -> Step | None:
+def _step(a: Frame, b: Frame, told: float) -> FrameStep | None:
     """Return how particles move between two frames; None if too few move to tell."""
     assert a.v is not None
     assert b.v is not None
@@ -112,10 +112,12 @@ def _step(a: Frame, b: Frame, told: float) -> Step | None:
     length = np.linalg.norm(way, axis=1)
     aside = np.linalg.norm(way - times[:, None] * mean[steady], axis=1)
     share = aside / np.maximum(length, 1e-300)
-    return Step(told, float(np.median(times)), steady.sum() / moving.sum(), float(np.median(share)))
+    return FrameStep(
+        told, float(np.median(times)), steady.sum() / moving.sum(), float(np.median(share))
+    )
 
 
-def frozen(survey: Survey) -> Finding:
+def frozen(survey: OrderedRecording) -> Finding:
     """Look for particles that have a velocity and stay where they are, in all frames."""
     if survey.first.v is None or survey.reordered or survey.change is not None:
         return skipped("needs velocities, and the same particles in all frames")
@@ -135,7 +137,7 @@ def frozen(survey: Survey) -> Finding:
     return _stuck(survey, stuck)
 
 
-def _stuck(survey: Survey, stuck: NDArray[np.bool_]) -> Finding:
+def _stuck(survey: OrderedRecording, stuck: NDArray[np.bool_]) -> Finding:
     x, i = survey.first.x, int(np.argmax(stuck))
     beside = np.minimum(x - x.min(axis=0), x.max(axis=0) - x).min(axis=1) < 0.1 * survey.spacing
     clamped = bool(beside[stuck].all()) and not survey.still.all()
@@ -153,7 +155,7 @@ def _stuck(survey: Survey, stuck: NDArray[np.bool_]) -> Finding:
     )
 
 
-def speeds(survey: Survey) -> Finding:
+def speeds(survey: OrderedRecording) -> Finding:
     """Compare speeds with the speed of sound, told or found in the equation of state."""
     if survey.first.v is None:
         return skipped("the recording has no velocities")

@@ -3,8 +3,8 @@
 import numpy as np
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.laws import FITS, Law, law
-from sph_gym.doctor.passive.survey import Survey
+from sph_gym.doctor.passive.laws import FITS, TaitFit, law
+from sph_gym.doctor.passive.survey import OrderedRecording
 
 # Pressures may be so far off a known law, as a share of themselves.
 EXACT = 0.02
@@ -14,7 +14,7 @@ VAGUE = 1.0
 FALLING = 0.8
 
 
-def equation_of_state(survey: Survey) -> Finding:
+def equation_of_state(survey: OrderedRecording) -> Finding:
     """Fit Tait's equation to densities and pressures, or compare them with the scene's."""
     if survey.first.rho is None or survey.first.p is None:
         return skipped("the recording has no densities and pressures")
@@ -45,7 +45,7 @@ def equation_of_state(survey: Survey) -> Finding:
     return _exponent(found)
 
 
-def _exponent(found: Law) -> Finding:
+def _exponent(found: TaitFit) -> Finding:
     """Return what is said of a law that fits."""
     # densities that hardly differ obey many an exponent
     vague = found.high - found.low > VAGUE
@@ -74,7 +74,7 @@ def _exponent(found: Law) -> Finding:
     return inconclusive(f"an unusual exponent: {told}", *numbers, unit="gamma")
 
 
-def _against_scene(survey: Survey, found: Law | None) -> Finding:
+def _against_scene(survey: OrderedRecording, found: TaitFit | None) -> Finding:
     scene, stiffness = survey.known.scene, survey.known.stiffness
     assert scene is not None
     assert stiffness is not None

@@ -18,7 +18,10 @@ CHAIN = {"rho": "density", "p": "pressure", "v": "force", "x": "integration"}
 
 
 class Bad(NamedTuple):
-    """The first value that is not finite. frame: its number; particle: as `Survey.name` has it."""
+    """The first value that is not finite.
+
+    frame: its number; particle: as `OrderedRecording.name` has it.
+    """
 
     frame: int
     column: str
@@ -26,7 +29,7 @@ class Bad(NamedTuple):
     n: int
 
 
-class Look(NamedTuple):
+class FrameSums(NamedTuple):
     """Sums over the fluid of one frame.
 
     n: particles; center, velocity: (d,) means [m], [m/s], NaN without velocities; kinetic: mean of
@@ -53,7 +56,7 @@ class Change(NamedTuple):
     names: tuple[str, ...]
 
 
-class Survey:
+class OrderedRecording:
     """A recording with its fluid put in order, up to the first value that is not finite.
 
     first: the fluid of frame 0; looks: one a frame; bad: what ended it; change: of the particles;
@@ -67,7 +70,7 @@ class Survey:
     def __init__(self, recording: Recording) -> None:
         self.recording, self.known = recording, recording.known
         self.notes: list[str] = []
-        self.looks: list[Look] = []
+        self.looks: list[FrameSums] = []
         self.bad: Bad | None = None
         self.change: Change | None = None
         self.doubled = -1
@@ -235,16 +238,16 @@ def _same_place(first: Frame, frame: Frame) -> bool:
     return before.shape == now.shape and bool((before == now).all())
 
 
-def _look(frame: Frame) -> Look:
+def _look(frame: Frame) -> FrameSums:
     n, d = frame.x.shape
     nothing: Any = np.full(d, math.nan)
     if n == 0:
-        return Look(frame.time, 0, nothing, nothing, math.nan, math.nan)
+        return FrameSums(frame.time, 0, nothing, nothing, math.nan, math.nan)
     center = frame.x.mean(axis=0)
     if frame.v is None:
-        return Look(frame.time, n, center, nothing, math.nan, math.nan)
+        return FrameSums(frame.time, n, center, nothing, math.nan, math.nan)
     square = (frame.v**2).sum(axis=1)
-    return Look(
+    return FrameSums(
         frame.time,
         n,
         center,

@@ -34,7 +34,7 @@ def arguments(*more: str) -> list[str]:
 def timed(application: type) -> type:
     """Return the application with a clock that begins with its first step."""
 
-    class Timed(application):
+    class TimedApplication(application):
         began = own = 0.0
         steps = 0
 
@@ -57,7 +57,7 @@ def timed(application: type) -> type:
         def seen(self, solver):
             return None
 
-    return Timed
+    return TimedApplication
 
 
 def elliptical_drop(across: int) -> dict:

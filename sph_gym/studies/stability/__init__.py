@@ -15,7 +15,7 @@ from sph_gym.env import SCENES
 from sph_gym.extras import progress_bar
 from sph_gym.studies.results import Results
 from sph_gym.studies.stability import bodies, figures, jets, maps, memory, runs, tanks
-from sph_gym.studies.stability.case import VARIANTS, Case
+from sph_gym.studies.stability.case import VARIANTS, HardCase
 from sph_gym.studies.table import Row
 
 _CATALOGUE = ("bodies", "case", "checks", "comparisons", "events", "jets", "runs", "tanks")
@@ -23,7 +23,7 @@ _CATALOGUE = ("bodies", "case", "checks", "comparisons", "events", "jets", "runs
 QUICK_VARIANTS, QUICK_SCENES = VARIANTS[:3], ("relaxation",)
 
 
-def cases() -> list[Case]:
+def cases() -> list[HardCase]:
     """Return the catalogue."""
     return [*bodies.cases(), *tanks.cases(), *jets.cases(), *tanks.schemes()]
 
@@ -43,10 +43,10 @@ def measure(quick: bool, folder: Path) -> Iterator[Row]:
         yield from chart(name, quick, place)
 
 
-def catalogue(quick: bool, folder: Path, chosen: Sequence[Case] | None = None) -> Iterator[Row]:
+def catalogue(quick: bool, folder: Path, chosen: Sequence[HardCase] | None = None) -> Iterator[Row]:
     """Yield rows of the cases, by default of all, and what must hold over all of them."""
     several, variants = chosen or cases(), QUICK_VARIANTS if quick else VARIANTS
-    results, found = _results(folder, *_CATALOGUE), dict[str, tuple[Case, runs.Runs]]()
+    results, found = _results(folder, *_CATALOGUE), dict[str, tuple[HardCase, runs.Runs]]()
     with progress_bar(len(several) * len(variants), "cases") as bar:
         for case in several:
             bar.set_description(case.name)

@@ -11,7 +11,7 @@ from sph_gym import scenes
 from sph_gym.solver.geometry import disc, lattice
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.walls import Walls
-from sph_gym.studies.stability.case import Case, hard_case
+from sph_gym.studies.stability.case import HardCase, hard_case
 from sph_gym.studies.stability.checks import LONELY, ROUND_OFF
 from sph_gym.studies.stability.events import grew, moved, rotated, straight, turned
 
@@ -105,7 +105,7 @@ def density_jump(dx: float) -> Scene:
     return free(np.concatenate([dense, right]), dx)
 
 
-def squeezed() -> Iterator[Case]:
+def squeezed() -> Iterator[HardCase]:
     """Yield cases that begin squeezed, of which nothing may be left after a frame."""
     start = partial(body, quick=30)
     # a step of first order, and XSPH, err by some per cent of the energy of the explosion
@@ -135,7 +135,7 @@ def lonely(dx: float) -> Scene:
     return free(x, dx, v=np.clip(v, -0.2, 0.2))
 
 
-def loose() -> Iterator[Case]:
+def loose() -> Iterator[HardCase]:
     """Yield cases of particles that have no neighbour, or one."""
     loner = partial(body, density=NONE, p99=NONE, quick=30)
     # to what rounding in float32 leaves of it
@@ -162,7 +162,7 @@ def wide(dx: float, h: float, shifting: float | None = None) -> Scene:
     return free(jittered(dx, 0.1, CELL) % length, dx, h=h, walls=walls, effects=effects)
 
 
-def endless() -> Iterator[Case]:
+def endless() -> Iterator[HardCase]:
     """Yield disorder in a periodic fluid, by the number of neighbours; it settles or it clumps."""
     case = partial(
         body, event=moved(0.08, 0.08), quick=60, left=0.8, clumping=PAIRED
@@ -214,7 +214,7 @@ def far_away(dx: float) -> Scene:
     return dataclasses.replace(scene, x=np.add(scene.x, AWAY))
 
 
-def cases() -> Iterator[Case]:
+def cases() -> Iterator[HardCase]:
     """Yield all cases; no force acts from outside, so that momentum stays."""
     yield from squeezed()
     yield from loose()

@@ -69,7 +69,7 @@ VARIANTS = (
 )
 
 
-class Case(NamedTuple):
+class HardCase(NamedTuple):
     """A hard case; see `hard_case`.
 
     build: dx [m], and an item of `sizes` if there are any, to a scene; event: what must have
@@ -95,7 +95,7 @@ class Case(NamedTuple):
     stable: bool = True
     causes: tuple[str, ...] = ("cfl",)
     calm: float | None = None
-    twin: "Case | None" = None
+    twin: "HardCase | None" = None
     dtype: str | None = None
     behind: Callable[[Any, float], Any] | None = None
     kernel: str = "wendland_c2"
@@ -141,7 +141,7 @@ def hard_case(
     dx: float,
     unmatched: Mapping[str, Bound] | None = None,
     **settings: Any,
-) -> Case:
-    """Return a case; settings: fields of `Case`, and bounds of checks by the checks' names."""
+) -> HardCase:
+    """Return a case; settings: fields of `HardCase`, and bounds of checks by the checks' names."""
     bounds = {check: settings.pop(check) for check in BY_NAME if check in settings}
-    return Case(name, build, event, dx, bounds=bounds, unmatched=unmatched or {}, **settings)
+    return HardCase(name, build, event, dx, bounds=bounds, unmatched=unmatched or {}, **settings)

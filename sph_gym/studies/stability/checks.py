@@ -47,7 +47,7 @@ FRAME, LATE, COMPARISON, END = ("frame",), ("late",), ("comparison",), ("end",)
 Bound = float | Mapping[str, float] | str | None
 
 
-class Check(NamedTuple):
+class CaseCheck(NamedTuple):
     """A number that is measured in a run, and the bound that it must keep.
 
     name: keyword by which `hard_case` gives a case another bound; title, unit: of its row; when:
@@ -174,9 +174,9 @@ def _clumped(run: "CaseRun") -> float | None:
 
 # --- The list -------------------------------------------------------------------------------
 
-_always = partial(Check, after_blowup=True)
-_smallest = partial(Check, fold=np.minimum, at_least=True)
-_if_asked = partial(Check, optional=True)
+_always = partial(CaseCheck, after_blowup=True)
+_smallest = partial(CaseCheck, fold=np.minimum, at_least=True)
+_if_asked = partial(CaseCheck, optional=True)
 
 # fmt: off
 CHECKS = (
@@ -195,17 +195,17 @@ CHECKS = (
     _always("observables", "runs on grid and brute force", "dx, energy", COMPARISON,
             _observables, ALIKE),
     _smallest("happened", "what must have happened", "", END, lambda run: run.happened()),
-    Check("excess", "energy from nowhere", "of what is at stake", FRAME,
+    CaseCheck("excess", "energy from nowhere", "of what is at stake", FRAME,
           lambda run: run.numbers["energy_excess"], 0.02),
-    Check("rise", "rise of energy from nowhere", "of what is at stake", FRAME,
+    CaseCheck("rise", "rise of energy from nowhere", "of what is at stake", FRAME,
           lambda run: run.energy_rise, "excess"),
-    Check("gain", "mean compression beyond the start's", "rho0", FRAME,
+    CaseCheck("gain", "mean compression beyond the start's", "rho0", FRAME,
           lambda run: run.numbers["density_error"] - run.began["density_error"], "density"),
     _if_asked("burst", "mean compression after the first frame", "rho0", FRAME,
               lambda run: run.numbers["density_error"] if run.report.n_substeps else None),
-    Check("density", "mean compression, second half", "rho0", LATE,
+    CaseCheck("density", "mean compression, second half", "rho0", LATE,
           lambda run: run.numbers["density_error"], 0.02),
-    Check("p99", "99th percentile of compression, second half", "rho0", LATE,
+    CaseCheck("p99", "99th percentile of compression, second half", "rho0", LATE,
           lambda run: run.numbers["density_error_p99"], DENSE),
     _if_asked("clumping", "closer than 0.6 dx, second half", "of the particles", LATE,
               lambda run: run.numbers["clumping"]),

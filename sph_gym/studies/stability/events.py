@@ -11,7 +11,7 @@ from sph_gym.scenes import hydrostatic_tank
 from sph_gym.solver.simulation import Simulation
 
 
-class Seen(NamedTuple):
+class RunMoment(NamedTuple):
     """A simulation at one moment: positions x and velocities v (n, 2) [m, m/s], diagnostics."""
 
     sim: Simulation
@@ -20,10 +20,10 @@ class Seen(NamedTuple):
     numbers: dict[str, float]
 
 
-def see(sim: Simulation) -> Seen:
+def see(sim: Simulation) -> RunMoment:
     """Return the fluid of a simulation as it is now, in double precision."""
     x, v = (column[: sim.n_fluid].astype(np.float64) for column in (sim.x, sim.v))
-    return Seen(sim, x, v, sim.diagnostics())
+    return RunMoment(sim, x, v, sim.diagnostics())
 
 
 class Event(NamedTuple):
@@ -35,7 +35,7 @@ class Event(NamedTuple):
 
     title: str
     unit: str
-    measure: Callable[[Seen, Seen], float]
+    measure: Callable[[RunMoment, RunMoment], float]
     full: float
     quick: float
 
@@ -44,30 +44,30 @@ def _length(vectors: Any) -> Any:
     return np.hypot(*vectors.T)
 
 
-def _straightness(start: Seen, end: Seen) -> float:
+def _straightness(start: RunMoment, end: RunMoment) -> float:
     # where no force acts, in the time that has passed or, if none has, would have to
     path = start.v * (end.sim.time or end.sim.scene.frame)
     return 1.0 - float(_length(end.x - start.x - path).max() / _length(path).mean())
 
 
-def _growth(start: Seen, end: Seen) -> float:
+def _growth(start: RunMoment, end: RunMoment) -> float:
     both = (each.numbers for each in (start, end))
     before, after = (math.hypot(each["extent_x"], each["extent_y"]) for each in both)
     return after / before - 1.0
 
 
-def _angle(start: Seen, end: Seen) -> float:
+def _angle(start: RunMoment, end: RunMoment) -> float:
     one, other = (each.x - each.x.mean(axis=0) for each in (start, end))
     # of complex numbers: the one conjugated, times the other
     cross = (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum()
     return abs(math.atan2(float(cross), float((one * other).sum())))
 
 
-def _floor_pressure(start: Seen, end: Seen) -> float:
+def _floor_pressure(start: RunMoment, end: RunMoment) -> float:
     return 1.0 + hydrostatic_tank.bottom_pressure_error(end.sim) if end.sim.time > 0 else 0.0
 
 
-def _gain(name: str, sign: int = 1) -> Callable[[Seen, Seen], float]:
+def _gain(name: str, sign: int = 1) -> Callable[[RunMoment, RunMoment], float]:
     return lambda start, end: sign * (end.numbers[name] - start.numbers[name])
 
 

@@ -17,7 +17,7 @@ from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.walls import Walls
 from sph_gym.studies.results import Results, is_record
 from sph_gym.studies.stability import bodies
-from sph_gym.studies.stability.case import VARIANTS, Case, Variant, hard_case, stable_step
+from sph_gym.studies.stability.case import VARIANTS, HardCase, Variant, hard_case, stable_step
 from sph_gym.studies.stability.checks import n_passed
 from sph_gym.studies.stability.events import turned
 from sph_gym.studies.table import Row
@@ -87,7 +87,7 @@ def outside_room(x: Any, dx: float) -> Any:
     return (np.abs(x[:, 0]) > HALF) | (np.abs(x[:, 1] - 0.4) > 0.4)
 
 
-def cases() -> Iterator[Case]:
+def cases() -> Iterator[HardCase]:
     """Yield all cases."""
     case = partial(hard_case, dx=DX, frames=150, quick=45, event=turned(5.0, 3.0))
     # a face of particles is as rough as they are, a plate is not

@@ -12,8 +12,16 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.studies.results import is_record
 from sph_gym.studies.stability import checks
-from sph_gym.studies.stability.case import Case, Variant
-from sph_gym.studies.stability.checks import BY_NAME, CHECKS, COMPARISON, END, FRAME, LATE, Check
+from sph_gym.studies.stability.case import HardCase, Variant
+from sph_gym.studies.stability.checks import (
+    BY_NAME,
+    CHECKS,
+    COMPARISON,
+    END,
+    FRAME,
+    LATE,
+    CaseCheck,
+)
 from sph_gym.studies.stability.events import see
 from sph_gym.studies.stability.limits import as_limit, known_limit
 from sph_gym.studies.table import Row
@@ -40,7 +48,7 @@ def is_outcome(result: Any) -> bool:
     return measured and all(type(value) in (int, float) for value in values.values())
 
 
-def run(case: Case, variant: Variant, quick: bool = False) -> CaseOutcome:
+def run(case: HardCase, variant: Variant, quick: bool = False) -> CaseOutcome:
     """Run all sizes of a case in a variant; quick: fewer frames, and every tenth size."""
     found = CaseOutcome(0, 0, "", {})
     for size in case.sizes[:: 10 if quick else 1]:
@@ -63,8 +71,10 @@ class CaseRun:
     nowhere above the least before, as a share of what is at stake; values: of checks, so far.
     """
 
-    def __init__(self, case: Case, variant: Variant, size: Any = None, quick: bool = False) -> None:
-        self.case: Case = case
+    def __init__(
+        self, case: HardCase, variant: Variant, size: Any = None, quick: bool = False
+    ) -> None:
+        self.case: HardCase = case
         self.variant, self.size, self.quick = variant, size, quick
         self.dtype: str = case.precision(variant)
         self.frames: int = case.n_frames(variant, quick)
@@ -169,7 +179,7 @@ class CaseRun:
 Runs = Sequence[tuple[Variant, CaseOutcome]]
 
 
-def rows(case: Case, found: Runs, quick: bool = False) -> Iterator[Row]:
+def rows(case: HardCase, found: Runs, quick: bool = False) -> Iterator[Row]:
     """Yield every check of a case, with the variant that is worst at it."""
     substeps = float(sum(one.substeps for _, one in found))
     yield Row("substeps", case.name, substeps, "")
@@ -185,7 +195,7 @@ def rows(case: Case, found: Runs, quick: bool = False) -> Iterator[Row]:
             yield from _check_rows(case, check, found, quick)
 
 
-def _check_rows(case: Case, check: Check, found: Runs, quick: bool) -> Iterator[Row]:
+def _check_rows(case: HardCase, check: CaseCheck, found: Runs, quick: bool) -> Iterator[Row]:
     """Yield a row for every bound, since precisions and kernels may have their own."""
     by_bound: dict[float | None, list[Row]] = {}
     for variant, one in found:
@@ -204,14 +214,14 @@ def _check_rows(case: Case, check: Check, found: Runs, quick: bool) -> Iterator[
         yield by_bound[bound][int(values.argmin() if check.at_least else values.argmax())]
 
 
-def _row(case: Case, check: Check, variant: Variant, value: float, quick: bool) -> Row:
+def _row(case: HardCase, check: CaseCheck, variant: Variant, value: float, quick: bool) -> Row:
     title, unit = (case.event if check.name == "happened" else check[1:])[:2]
     label = case.name if value == 0 else f"{case.name}, {variant.name}"
     bound = case.bound(check.name, variant, quick)
     return Row(title, label, value, unit, bound, check.at_least)
 
 
-def summary(found: Mapping[str, tuple[Case, Runs]]) -> Iterator[Row]:
+def summary(found: Mapping[str, tuple[HardCase, Runs]]) -> Iterator[Row]:
     """Yield what must hold over all cases."""
     runs = [(case, one) for case, several in found.values() for _, one in several]
     least = min(len(several) for _, several in found.values())

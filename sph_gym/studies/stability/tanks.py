@@ -16,7 +16,7 @@ from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.walls import Motion, Walls
 from sph_gym.studies.stability import bodies, case, events
 from sph_gym.studies.stability.bodies import AWAY, NONE, ROUNDED
-from sph_gym.studies.stability.case import Case, hard_case, stable_step
+from sph_gym.studies.stability.case import HardCase, hard_case, stable_step
 
 G = 9.81
 # Least median density of water that falls and runs [rho0]; 0.95 is what is seen at 3 stable steps.
@@ -213,7 +213,7 @@ def outside_channel(x: Any, dx: float) -> Any:
 # --- Cases ----------------------------------------------------------------------------------
 
 
-def flows() -> Iterator[Case]:
+def flows() -> Iterator[HardCase]:
     """Yield cases whose flow is hard."""
     flow = partial(hard_case, dx=DX, density=0.01, quick=50, peak=PEAK)
     whole = partial(flow, typical=TOGETHER)
@@ -272,10 +272,10 @@ collapse = partial(
 )  # fmt: skip
 
 
-def steps() -> Iterator[Case]:
+def steps() -> Iterator[HardCase]:
     """Yield dam breaks by other steps than the stable one."""
 
-    def stepped(factor: float, **more: Any) -> Case:
+    def stepped(factor: float, **more: Any) -> HardCase:
         steer = partial(stable_step, times=factor)
         return collapse(f"dt x {factor:g}", steer=steer, step=REACHED * factor, **more)
 
@@ -289,7 +289,7 @@ def steps() -> Iterator[Case]:
     yield collapse("dt of the start for ever", steer=case.constant_step)
 
 
-def stiffnesses() -> Iterator[Case]:
+def stiffnesses() -> Iterator[HardCase]:
     """Yield dam breaks in softer and stiffer fluids, and in fluids that change."""
     softest, soft, usual, stiff, stiffest = (
         partial(stable_step, stiffer=factor) for factor in (0.01, 0.04, 1.0, 25.0, 100.0)
@@ -311,7 +311,7 @@ def stiffnesses() -> Iterator[Case]:
     yield collapse("dt switched every frame", steer=case.switching(usual, short))
 
 
-def smoothing() -> Iterator[Case]:
+def smoothing() -> Iterator[HardCase]:
     """Yield dam breaks by epsilons at the ends of what is ever set, against the nominal one."""
     usual, alone = collapse("dam break"), collapse("dam break", build=inviscid)
     # 0.6 is the largest that the environments play; beyond it, particles do clump: 0.12 to 0.27
@@ -325,7 +325,7 @@ def smoothing() -> Iterator[Case]:
             )  # fmt: skip
 
 
-def schemes() -> Iterator[Case]:
+def schemes() -> Iterator[HardCase]:
     """Yield all integrators, with summed densities and with those by continuity.
 
     Rotating squares are by kick_drift_kick and continuity, other cases by neither.
@@ -354,7 +354,7 @@ def _schemed(
     return {"name": f"{name}, {integrator}, {density}", "build": built}
 
 
-def cases() -> Iterator[Case]:
+def cases() -> Iterator[HardCase]:
     """Yield all cases but those by other schemes."""
     yield from flows()
     yield from steps()

@@ -176,4 +176,6 @@ FAMILY = FlowFamily(
     draw=draw,
     odd=STRONG_GRAVITY,
     frames_per_step=1.5,
+    headroom=1.43,
+    remark="small headroom",
 )

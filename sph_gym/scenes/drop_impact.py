@@ -151,4 +151,5 @@ FAMILY = FlowFamily(
     draw=draw,
     odd=STRONG_GRAVITY,
     frames_per_step=1.5,
+    headroom=1.93,
 )

@@ -77,4 +77,12 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = FlowFamily("drop_sequence", dx=0.03, seed=3, draw=draw, odd=STRONG_GRAVITY)
+FAMILY = FlowFamily(
+    "drop_sequence",
+    dx=0.03,
+    seed=3,
+    draw=draw,
+    odd=STRONG_GRAVITY,
+    headroom=1.58,
+    remark="small headroom",
+)

@@ -182,4 +182,5 @@ FAMILY = FlowFamily(
     draw=draw,
     odd=STRONG_GRAVITY,
     diagnostic="the water is at rest: the softest fluid and the longest step win",
+    headroom=1.03,
 )

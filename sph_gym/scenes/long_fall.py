@@ -66,4 +66,11 @@ def draw(rng: np.random.Generator, dx: float) -> dict[str, float]:
     }
 
 
-FAMILY = FlowFamily("long_fall", dx=0.02, seed=5, draw=draw, odd=STRONG_GRAVITY)
+FAMILY = FlowFamily(
+    "long_fall",
+    dx=0.02,
+    seed=5,
+    draw=draw,
+    odd=STRONG_GRAVITY,
+    headroom=2.23,
+)

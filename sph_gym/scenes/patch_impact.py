@@ -62,4 +62,5 @@ FAMILY = FlowFamily(
     seed=0,
     draw=draw,
     odd=("speed", 4.0, 8.0),
+    headroom=2.2,
 )

@@ -104,4 +104,5 @@ FAMILY = FlowFamily(
     draw=draw,
     odd=("jitter", 0.1, 0.15),
     diagnostic="the blob is at rest: the energy of its jitter depends on the stiffness",
+    headroom=1.1,
 )

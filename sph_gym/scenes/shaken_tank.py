@@ -81,4 +81,5 @@ FAMILY = FlowFamily(
     seed=7,
     draw=draw,
     odd=STRONG_GRAVITY,
+    headroom=1.56,
 )

@@ -21,14 +21,12 @@ from matplotlib.ticker import (
 )
 from numpy.typing import NDArray
 
-from agents.styles import AgentStyle, Line, style_of
+from agents.styles import AgentStyle, Line, Marker, style_of
 from sph_gym.env.rewards import TERMS, Tolerances
 from sph_gym.studies.averages import bootstrap_interval
 
 # Markers look equally large at these sizes; a circle stays visible below a square.
-SIZES = {"o": 1.25, "s": 0.85, "P": 1.2, "*": 1.5, "p": 1.2} | dict.fromkeys(
-    (r"$\heartsuit$", r"$\clubsuit$", r"$\spadesuit$"), 1.6
-)
+SIZES: dict[Marker, float] = {"o": 1.25, "s": 0.85, "P": 1.2, "*": 1.5, "p": 1.2, (4, 1, 0): 1.6}
 INK, MUTED, RULE = "#262c36", "#5f6670", "#d6d9dd"
 LOOK: dict[Any, Any] = {
     **{f"axes.spines.{side}": False for side in ("top", "right")},
@@ -369,7 +367,7 @@ def _mark(
 
 
 def _handle(
-    label: str, marker: str, colour: str, size: float = 7.0, ls: Line = "none", **style: Any
+    label: str, marker: Marker, colour: str, size: float = 7.0, ls: Line = "none", **style: Any
 ) -> Line2D:
     """Return an entry of a legend."""
     style |= {"ms": size * SIZES.get(marker, 1.0), "label": _plain(label)}

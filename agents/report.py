@@ -12,7 +12,7 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.transforms import Affine2D
 
 from agents.evaluate import MEASURES, readable
-from agents.styles import sentence, style_of
+from agents.styles import Marker, sentence, style_of
 from sph_gym.env.rewards import MILDEST, MOST_WORK, WINDOW, WORST, Tolerances
 
 # Files that the report looks for in its folder, and those that it must be given.
@@ -168,7 +168,7 @@ def _best(summary: pd.DataFrame, measure: str, cells: Sequence[tuple[str, ...]])
     return means[k] if len(set(means)) > 1 else None
 
 
-def _shape(marker: str) -> str:
+def _shape(marker: Marker) -> str:
     """Return a matplotlib marker as SVG path data in a box from -50 to 50."""
     style = MarkerStyle(marker)
     path = style.get_path().transformed(style.get_transform() + Affine2D().scale(100, -100))

@@ -1,8 +1,9 @@
 """Styles of the agents in plots and tables, and a sentence about each."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 Line = str | tuple[float, tuple[float, ...]]
+Marker = str | tuple[int, Literal[0, 1, 2], int]
 
 
 class AgentStyle(NamedTuple):
@@ -13,7 +14,7 @@ class AgentStyle(NamedTuple):
 
     label: str
     colour: str
-    marker: str
+    marker: Marker
     line: Line = "-"
     width: float = 1.6
 
@@ -31,7 +32,7 @@ STYLES: dict[str, AgentStyle] = {
     "random_search": AgentStyle("random search", "#E377C2", ">", (0, (3, 3))),
     "tpe": AgentStyle("TPE", "#B07AA1", "p", (0, (3, 1, 1, 1))),
     "cma_es": AgentStyle("CMA-ES", "#7F4F7A", "H", (0, (6, 3))),
-    "hindsight": AgentStyle("best static in hindsight", "#F781BF", r"$\heartsuit$", (0, (1, 1))),
+    "hindsight": AgentStyle("best static in hindsight", "#F781BF", (4, 1, 0), (0, (1, 1))),
     "lookahead": AgentStyle("look-ahead", "#8C8C00", "X", (0, (8, 2, 1, 2, 1, 2))),
     "ppo": AgentStyle("PPO", "#009E73", "v"),
     "ppo_lagrangian": AgentStyle("Lagrangian PPO", "#1B4D3E", r"$\clubsuit$", (0, (5, 1))),

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from agents import plots, scores
-from agents.entries import GAMES, AgentFile
+from agents.entries import GAMES, LeaderboardEntry
 from agents.evaluate import show as show_table
 from agents.scores import GAP, ORACLE, RULE, Interval
 from agents.styles import style_of
@@ -18,7 +18,7 @@ PICTURES = ("leaderboard_profiles.png", "leaderboard_trades.png")
 DASH = "\N{EN DASH}"
 
 
-def text(found: Sequence[AgentFile], runs: pd.DataFrame) -> str:
+def text(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> str:
     """Return the part of the page: the tables of the test instances, and what is behind them."""
     own = usual(runs, SPLIT)
     parts = [
@@ -40,7 +40,7 @@ def usual(runs: pd.DataFrame, split: str) -> pd.DataFrame:
     return runs[(runs["split"] == split) & ~runs["finer"]]
 
 
-def table(found: Sequence[AgentFile], runs: pd.DataFrame) -> pd.DataFrame:
+def table(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> pd.DataFrame:
     """Return the leaderboard as text, best first: by score, then by return."""
     about = {entry.agent: entry.about for entry in found}
     rows = []
@@ -109,7 +109,7 @@ def _scored(runs: pd.DataFrame) -> str:
     )
 
 
-def _behind(found: Sequence[AgentFile]) -> str:
+def _behind(found: Sequence[LeaderboardEntry]) -> str:
     """Return a sentence on versions and sources."""
     versions = " and ".join(sorted({entry.about["version"] for entry in found}))
     digests = ", ".join(f"{style_of(e.agent).label} `{e.about['sources'][:8]}`" for e in found)
@@ -135,7 +135,7 @@ def markdown(lines: pd.DataFrame, n_text: int) -> str:
     return str(lines.to_markdown(index=False, colalign=sides, disable_numparse=True))
 
 
-def show(found: Sequence[AgentFile], splits: Sequence[str]) -> None:
+def show(found: Sequence[LeaderboardEntry], splits: Sequence[str]) -> None:
     """Print the leaderboard of each set to the terminal."""
     runs = scores.runs_of(found)
     for split in splits:

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from agents import board
-from agents.entries import AgentFile
+from agents.entries import LeaderboardEntry
 from agents.scores import RULE
 from agents.styles import style_of
 from sph_gym.controllers.network import SHIPPED
@@ -17,7 +17,9 @@ from sph_gym.files import atomic_write
 from sph_gym.provenance import content_hash
 
 
-def figures(network: Path, found: Sequence[AgentFile], runs: pd.DataFrame) -> dict[str, str] | None:
+def figures(
+    network: Path, found: Sequence[LeaderboardEntry], runs: pd.DataFrame
+) -> dict[str, str] | None:
     """Return what the leaderboard says of a network's agent, None if it has not played there.
 
     An agent has several trainings. The figures are of all of them: one alone would be chance.
@@ -42,7 +44,7 @@ def figures(network: Path, found: Sequence[AgentFile], runs: pd.DataFrame) -> di
     }
 
 
-def renewed(found: Sequence[AgentFile], runs: pd.DataFrame) -> dict[Path, dict[str, Any]]:
+def renewed(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> dict[Path, dict[str, Any]]:
     """Return the cards of all shipped networks that have played, with their present figures."""
     cards = {}
     for name in names():
@@ -52,7 +54,7 @@ def renewed(found: Sequence[AgentFile], runs: pd.DataFrame) -> dict[Path, dict[s
     return cards
 
 
-def write(found: Sequence[AgentFile], runs: pd.DataFrame) -> None:
+def write(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> None:
     """Write the present figures into the cards."""
     for path, card in renewed(found, runs).items():
         with atomic_write(path) as draft:

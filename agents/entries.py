@@ -94,7 +94,7 @@ def learner(name: str, networks: Sequence[str], trained_on: Sequence[str]) -> Ag
     return Agent(name, specs, tuple(trained_on))
 
 
-class AgentFile(NamedTuple):
+class LeaderboardEntry(NamedTuple):
     """Contents of a file: digests and times (`about`), and a table of COLUMNS, a row a run."""
 
     about: dict[str, Any]
@@ -117,7 +117,7 @@ def manifests() -> dict[str, dict[str, str]]:
     return {family: each.digests for family, each in found.items() if each is not None}
 
 
-def make(agent: Agent, runs: pd.DataFrame) -> AgentFile:
+def make(agent: Agent, runs: pd.DataFrame) -> LeaderboardEntry:
     """Return the entry of an agent; runs: with COLUMNS and CLOCK."""
     about = {
         "agent": agent.name,
@@ -133,7 +133,7 @@ def make(agent: Agent, runs: pd.DataFrame) -> AgentFile:
     table = runs[list(COLUMNS)].copy()
     table["order"] = table["instance"].map(_order)
     table = table.sort_values(["training", "order"], ignore_index=True).drop(columns="order")
-    return AgentFile(about, table)
+    return LeaderboardEntry(about, table)
 
 
 def _order(id_: str) -> tuple[str, str, int, str]:
@@ -146,7 +146,7 @@ def path_of(name: str, folder: Path) -> Path:
     return folder / f"{name}.json"
 
 
-def write(entry: AgentFile, folder: Path) -> Path:
+def write(entry: LeaderboardEntry, folder: Path) -> Path:
     """Write the file of an agent, a run a line, and return its path."""
     path = path_of(entry.agent, folder)
     rows = map(shortened, entry.runs[list(COLUMNS)].itertuples(index=False))
@@ -162,19 +162,19 @@ def shortened(row: Iterable[Any]) -> list[Any]:
     return [float(f"{x:.{DIGITS}g}") if isinstance(x, float) else x for x in row]
 
 
-def read(path: Path) -> AgentFile:
+def read(path: Path) -> LeaderboardEntry:
     """Return what a file holds. Raises ValueError if it is none of the leaderboard."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         rows, columns = data.pop("runs"), data.pop("columns")
         if tuple(columns) != COLUMNS or data["agent"] != path.stem:
             raise ValueError("other columns or another agent")
-        return AgentFile(data, pd.DataFrame(rows, columns=columns))
+        return LeaderboardEntry(data, pd.DataFrame(rows, columns=columns))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"{path} is no entry of the leaderboard: {error}") from None
 
 
-def read_all(folder: Path) -> list[AgentFile]:
+def read_all(folder: Path) -> list[LeaderboardEntry]:
     """Return all entries of a folder. Raises ValueError if there are none."""
     found = [read(path) for path in sorted(folder.glob("*.json"))]
     if not found:

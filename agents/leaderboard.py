@@ -13,7 +13,7 @@ import pandas as pd
 
 from agents import board, cards, entries, scores, zero_shot
 from agents.arguments import BackendArgs, option, parse
-from agents.entries import GAMES, Agent, AgentFile
+from agents.entries import GAMES, Agent, LeaderboardEntry
 from agents.evaluate import Job, instance_ids, run_episodes
 from agents.policies import build
 from sph_gym.env.distributions import FAMILIES
@@ -123,7 +123,7 @@ def play(args: LeaderboardArgs) -> list[Path]:
     ]
 
 
-def _write(agent: Agent, kept: AgentFile | None, played: pd.DataFrame, folder: Path) -> Path:
+def _write(agent: Agent, kept: LeaderboardEntry | None, played: pd.DataFrame, folder: Path) -> Path:
     path = entries.path_of(agent.name, folder)
     if kept is None:
         return entries.write(entries.make(agent, played), folder)
@@ -132,7 +132,7 @@ def _write(agent: Agent, kept: AgentFile | None, played: pd.DataFrame, folder: P
     return entries.write(entries.make(agent, pd.concat([kept.runs, played])), path.parent)
 
 
-def _keys(entry: AgentFile | None) -> set[tuple[int, str]]:
+def _keys(entry: LeaderboardEntry | None) -> set[tuple[int, str]]:
     if entry is None:
         return set()
     return set(zip(entry.runs["training"], entry.runs["instance"], strict=True))
@@ -141,7 +141,7 @@ def _keys(entry: AgentFile | None) -> set[tuple[int, str]]:
 # --- What is kept ---------------------------------------------------------------------------
 
 
-def kept_runs(agent: Agent, args: LeaderboardArgs) -> AgentFile | None:
+def kept_runs(agent: Agent, args: LeaderboardArgs) -> LeaderboardEntry | None:
     """Return what the file of an agent holds, None if it was made with anything else.
 
     With other sources it holds if some of its runs come out the same, digit by digit.
@@ -164,10 +164,10 @@ def kept_runs(agent: Agent, args: LeaderboardArgs) -> AgentFile | None:
     if differing := verify(agent, entry, args):
         print(f"{agent.name}: {differing} come out otherwise than in {path}, {dropped}")
         return None
-    return AgentFile({**about, "sources": entries.sources()}, entry.runs)
+    return LeaderboardEntry({**about, "sources": entries.sources()}, entry.runs)
 
 
-def verify(agent: Agent, entry: AgentFile, args: LeaderboardArgs) -> list[str]:
+def verify(agent: Agent, entry: LeaderboardEntry, args: LeaderboardArgs) -> list[str]:
     """Replay some runs of every family; return the instances whose numbers differ."""
     families = entry.runs["instance"].str.split("/").str[0]
     chosen = entry.runs.groupby(families).head(args.verify)
@@ -187,7 +187,7 @@ def verify(agent: Agent, entry: AgentFile, args: LeaderboardArgs) -> list[str]:
 # --- The page -------------------------------------------------------------------------------
 
 
-def texts(found: Sequence[AgentFile], runs: pd.DataFrame) -> dict[str, str]:
+def texts(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> dict[str, str]:
     """Return what stands between the marks of the page, by their names."""
     return {"leaderboard": board.text(found, runs), "zero-shot": zero_shot.text(found, runs)}
 
@@ -203,7 +203,7 @@ def filled(page: str, blocks: dict[str, Any]) -> str:
     return page
 
 
-def write_page(found: Sequence[AgentFile], runs: pd.DataFrame, page: Path = PAGE) -> None:
+def write_page(found: Sequence[LeaderboardEntry], runs: pd.DataFrame, page: Path = PAGE) -> None:
     """Write tables into the page, and the pictures beside it."""
     text = filled(page.read_text(encoding="utf-8"), texts(found, runs))
     board.draw(runs, page.parent / "pictures")

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from agents.entries import AgentFile
+from agents.entries import LeaderboardEntry
 from sph_gym.env import instances
 from sph_gym.studies.averages import interquartile_mean
 
@@ -37,7 +37,7 @@ Values = NDArray[np.float64]
 Interval = tuple[float, float, float]
 
 
-def runs_of(entries: Sequence[AgentFile]) -> pd.DataFrame:
+def runs_of(entries: Sequence[LeaderboardEntry]) -> pd.DataFrame:
     """Return the runs of all entries, with agent, family, split, shift, finer, and their score.
 
     finer: True at another spacing than the usual one; score: not a number without rule or oracle.

@@ -13,7 +13,7 @@ import pandas as pd
 
 from agents import board, entries, scores
 from agents.arguments import option, parse
-from agents.entries import GAMES, AgentFile
+from agents.entries import GAMES, LeaderboardEntry
 from agents.scores import RULE, Values
 from agents.styles import style_of
 from sph_gym.env.distributions import FAMILIES
@@ -62,7 +62,7 @@ def by_spacing(runs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def by_family(found: Sequence[AgentFile], runs: pd.DataFrame) -> pd.DataFrame:
+def by_family(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> pd.DataFrame:
     """Return gains on every family of learners that missed one in training.
 
     A family that a learner was not trained on has a star.
@@ -108,7 +108,7 @@ def _factor(id_: str) -> int:
     return round(FAMILIES[flow.split("/")[0]].dx / float(dx)) if dx else 1
 
 
-def tables(found: Sequence[AgentFile], runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
+def tables(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return all tables that there is something for, by what they show."""
     every = {
         "Gain over the tuned rule by what is out of distribution, and the share kept of that on "
@@ -119,7 +119,7 @@ def tables(found: Sequence[AgentFile], runs: pd.DataFrame) -> dict[str, pd.DataF
     return {title: each for title, each in every.items() if len(each)}
 
 
-def text(found: Sequence[AgentFile], runs: pd.DataFrame) -> str:
+def text(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> str:
     """Return the part of the page."""
     parts = [
         f"{title}:\n\n{board.markdown(each.fillna(board.DASH), 1)}"

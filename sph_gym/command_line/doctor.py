@@ -52,7 +52,7 @@ def add(commands: Any) -> None:
 
 
 def _doctor(options: argparse.Namespace) -> Outcome:
-    from sph_gym.doctor.command import Examination, carry_out, list_checks
+    from sph_gym.doctor.command import ExaminationRequest, carry_out, list_checks
 
     if options.list:
         print(list_checks())
@@ -63,5 +63,5 @@ def _doctor(options: argparse.Namespace) -> Outcome:
         raise ValueError("--fault all: expected no --json beside it")
     names = ("solver", "scene", "recording", "fault", "skip", "seed", "html")
     chosen = {name: getattr(options, name) for name in names}
-    status, diagnosis = carry_out(Examination(pair=options.pair[1:] or None, **chosen))
+    status, diagnosis = carry_out(ExaminationRequest(pair=options.pair[1:] or None, **chosen))
     return Outcome(status, None if diagnosis is None else diagnosis.to_dict())

@@ -19,7 +19,7 @@ WIDTH = 100
 LONGEST = 1800
 
 
-class Examination(NamedTuple):
+class ExaminationRequest(NamedTuple):
     """A request to examine exactly one of the first five, or, without any, this solver.
 
     solver: "module:factory"; scene: a name; recording: a path; fault: a name of `faults.FAULTS`,
@@ -50,7 +50,7 @@ def list_checks() -> str:
     return "\n".join(lines)
 
 
-def carry_out(request: Examination) -> tuple[int, Diagnosis | None]:
+def carry_out(request: ExaminationRequest) -> tuple[int, Diagnosis | None]:
     """Examine what is asked for and print the outcome.
 
     Returns the exit status, 0 healthy, 1 not; and the diagnosis, None for all faults at once.
@@ -78,7 +78,7 @@ def carry_out(request: Examination) -> tuple[int, Diagnosis | None]:
     return (0 if diagnosis.ok else 1), diagnosis
 
 
-def _examine(make: object, request: Examination) -> Diagnosis:
+def _examine(make: object, request: ExaminationRequest) -> Diagnosis:
     with progress_bar(len(CHECKS), unit="check") as bar:
 
         def show(result: Result) -> None:
@@ -93,7 +93,7 @@ def _examine(make: object, request: Examination) -> Diagnosis:
         )
 
 
-def _solver(request: Examination) -> Diagnosis:
+def _solver(request: ExaminationRequest) -> Diagnosis:
     # the last resort for compiled code that never returns: where it hangs, and an end
     faulthandler.dump_traceback_later(LONGEST, exit=True, file=sys.__stderr__ or sys.stderr)
     try:
@@ -102,19 +102,19 @@ def _solver(request: Examination) -> Diagnosis:
         faulthandler.cancel_dump_traceback_later()
 
 
-def _scene(request: Examination) -> Diagnosis:
+def _scene(request: ExaminationRequest) -> Diagnosis:
     from sph_gym.doctor.here import here, of_scene
 
     return _examine(here() if request.scene is None else of_scene(request.scene), request)
 
 
-def _fault(request: Examination) -> Diagnosis:
+def _fault(request: ExaminationRequest) -> Diagnosis:
     from sph_gym.doctor.faults import FAULTS
 
     return _examine(FAULTS[known("fault", str(request.fault), FAULTS)].make, request)
 
 
-def _recording(request: Examination) -> Diagnosis:
+def _recording(request: ExaminationRequest) -> Diagnosis:
     from sph_gym.doctor.recordings import check_recording
 
     diagnosis = check_recording(str(request.recording))
@@ -122,7 +122,7 @@ def _recording(request: Examination) -> Diagnosis:
     return diagnosis
 
 
-def _pair(request: Examination) -> Diagnosis:
+def _pair(request: ExaminationRequest) -> Diagnosis:
     from sph_gym.doctor.here import short_name
 
     a, b = (short_name(each) for each in request.pair or ())
@@ -131,7 +131,7 @@ def _pair(request: Examination) -> Diagnosis:
     return diagnosis
 
 
-_EXAMINATIONS: dict[str, Callable[[Examination], Diagnosis]] = {
+_EXAMINATIONS: dict[str, Callable[[ExaminationRequest], Diagnosis]] = {
     "solver": _solver,
     "scene": _scene,
     "recording": _recording,

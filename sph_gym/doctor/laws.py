@@ -183,7 +183,7 @@ def integral(q: Array, values: Array) -> float:
     return float(inner + 2 * np.pi * outer)
 
 
-class KernelTable(NamedTuple):
+class MeasuredWeights(NamedTuple):
     """The measured m W(r).
 
     settings: of the case, see `fluid`; q: (k,) distances in support radii; values: (k,) m W

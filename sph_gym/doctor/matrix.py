@@ -18,7 +18,7 @@ ALL, BARE = "all", "x and v"
 NOTHING = "nothing"
 
 
-class Verdict(NamedTuple):
+class DiagnosisOutcome(NamedTuple):
     """What became of a diagnosis: the solver, its broken link, the one found, and by which check.
 
     link, found: "" for a healthy solver, and where nothing was found.
@@ -53,7 +53,7 @@ class Bare:
         return self._solver.v
 
 
-def measure(names: Sequence[str] = tuple(FAULTS), shows: str = ALL) -> Iterator[Verdict]:
+def measure(names: Sequence[str] = tuple(FAULTS), shows: str = ALL) -> Iterator[DiagnosisOutcome]:
     """Yield the outcome for each fault, examined on all processors; shows: ALL or BARE."""
     chosen = [(name, FAULTS[name].link, partial(make, name)) for name in names]
     return examine_all(chosen, shows)
@@ -61,25 +61,27 @@ def measure(names: Sequence[str] = tuple(FAULTS), shows: str = ALL) -> Iterator[
 
 def examine_all(
     solvers: Iterable[tuple[str, str, Callable[[], Factory]]], shows: str = ALL
-) -> Iterator[Verdict]:
+) -> Iterator[DiagnosisOutcome]:
     """Yield the outcomes for solvers, each a name, its broken link, and what makes its factory."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(most_threads(), mp_context=context) as pool:
         yield from pool.map(partial(_examine, shows), solvers)
 
 
-def _examine(shows: str, solver: tuple[str, str, Callable[[], Factory]]) -> Verdict:
+def _examine(shows: str, solver: tuple[str, str, Callable[[], Factory]]) -> DiagnosisOutcome:
     return examine(*solver, shows)
 
 
-def examine(name: str, link: str, factory: Callable[[], Factory], shows: str = ALL) -> Verdict:
+def examine(
+    name: str, link: str, factory: Callable[[], Factory], shows: str = ALL
+) -> DiagnosisOutcome:
     """Return the outcome for one solver."""
     made = factory()
     first = check_solver((lambda case: Bare(made(case))) if shows == BARE else made).first
-    return Verdict(name, link, *((first.link, first.check) if first else ("", "")))
+    return DiagnosisOutcome(name, link, *((first.link, first.check) if first else ("", "")))
 
 
-def show(outcomes: Iterable[Verdict]) -> int:
+def show(outcomes: Iterable[DiagnosisOutcome]) -> int:
     """Print outcomes as they come, and how often which link was found; return 1 if one is wrong."""
     seen = []
     for one in outcomes:
@@ -93,7 +95,7 @@ def show(outcomes: Iterable[Verdict]) -> int:
     return int(not all(one.is_right for one in seen))
 
 
-def table(outcomes: Sequence[Verdict]) -> list[str]:
+def table(outcomes: Sequence[DiagnosisOutcome]) -> list[str]:
     """Return lines of text: broken links downwards, links found across."""
     counts = Counter((one.link, one.found) for one in outcomes)
     across = [*LINKS, ""]
@@ -104,7 +106,7 @@ def table(outcomes: Sequence[Verdict]) -> list[str]:
     return lines
 
 
-def summary(outcomes: Sequence[Verdict]) -> str:
+def summary(outcomes: Sequence[DiagnosisOutcome]) -> str:
     """Return how many faults were found, and how many at the right link."""
     found, right = sum(bool(one.found) for one in outcomes), sum(one.is_right for one in outcomes)
     return f"{found} of {len(outcomes)} faults found, {right} at the right link"

@@ -17,7 +17,7 @@ from sph_gym.doctor.passive.escape import escape
 from sph_gym.doctor.passive.identity import finite, layout, particles
 from sph_gym.doctor.passive.motion import frozen, motion, speeds
 from sph_gym.doctor.passive.pressure import equation_of_state
-from sph_gym.doctor.passive.survey import OrderedRecording
+from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import open_recording
 
 
@@ -29,7 +29,7 @@ class Passive(NamedTuple):
 
     link: str
     step: int
-    function: Callable[[OrderedRecording], Finding]
+    function: Callable[[RecordingSurvey], Finding]
     whole: bool = True
 
     @property
@@ -70,13 +70,13 @@ def check_recording(path: str | os.PathLike[str]) -> Diagnosis:
     FileNotFoundError if there is nothing, ImportError that names the extra to install.
     """
     recording = open_recording(path)
-    survey = OrderedRecording(recording)
+    survey = RecordingSurvey(recording)
     results = [_result(check, survey) for check in CHECKS]
     ordered = sorted(results, key=lambda each: LINKS.index(each.link))
     return Diagnosis(tuple(ordered), recording.path, tuple(survey.notes))
 
 
-def _finding(check: Passive, survey: OrderedRecording) -> Finding:
+def _finding(check: Passive, survey: RecordingSurvey) -> Finding:
     if check.whole and not survey.n_frames:
         return skipped("no frame is finite in all its numbers")
     if check.whole and not survey.looks[0].n:
@@ -90,7 +90,7 @@ def _finding(check: Passive, survey: OrderedRecording) -> Finding:
         return inconclusive(f"the recorded numbers could not be used: {error}")
 
 
-def _result(check: Passive, survey: OrderedRecording) -> Result:
+def _result(check: Passive, survey: RecordingSurvey) -> Result:
     started = time.monotonic()
     finding = _finding(check, survey)
     seconds = round(time.monotonic() - started, 3)

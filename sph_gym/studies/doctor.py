@@ -15,7 +15,7 @@ from sph_gym.doctor.checkup import resolve
 from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.faults import FAULTS
 from sph_gym.doctor.here import DENSITIES, WALLS, here
-from sph_gym.doctor.matrix import ALL, BARE, NOTHING, Verdict, examine_all
+from sph_gym.doctor.matrix import ALL, BARE, NOTHING, DiagnosisOutcome, examine_all
 from sph_gym.doctor.matrix import measure as of_faults
 from sph_gym.doctor.subject import Factory
 from sph_gym.extras import progress_bar
@@ -87,13 +87,13 @@ def _one_a_link() -> list[str]:
     return [first[link] for link in LINKS]
 
 
-def _row(one: Verdict, tier: str) -> Row:
+def _row(one: DiagnosisOutcome, tier: str) -> Row:
     """Return whether the right link was found; its unit says which one was."""
     unit = f"{one.found or NOTHING} {f'({one.check})' if one.found else ''}".strip()
     return Row(f"{one.name}, shows {tier}", one.link, float(one.is_right), unit)
 
 
-def shares(outcomes: Sequence[Verdict], tier: str) -> Iterator[Row]:
+def shares(outcomes: Sequence[DiagnosisOutcome], tier: str) -> Iterator[Row]:
     """Yield the shares of faults that are found; bounds are for solvers that show all."""
     n, case = len(outcomes), f"{len(outcomes)} faults, shows {tier}"
     found = 100 * sum(bool(one.found) for one in outcomes) / n

@@ -71,7 +71,7 @@ class Source(Protocol):
         """Go to the next moment, which may have to be computed; False if there is none."""
 
 
-class KeptMoment(NamedTuple):
+class HistoryEntry(NamedTuple):
     """A kept moment.
 
     snapshot: of the simulation; numbers: by title; controls: with which it came here; n_substeps,
@@ -119,7 +119,7 @@ class History:
         # sets the controls before every frame that is computed
         self.steer: Steer | None = None
         self._changed = False
-        self._entries: list[KeptMoment] = []
+        self._entries: list[HistoryEntry] = []
         self._series: dict[str, Array] = {}
         self._at = 0
         self.keep()
@@ -166,7 +166,7 @@ class History:
             for name, (title, factor, unit) in MEASURES.items()
         }
         sim = self.sim
-        entry = KeptMoment(
+        entry = HistoryEntry(
             sim.snapshot(), numbers | dict(self._more()), sim.controls, n_substeps, dt, self.steer
         )
         self._entries.append(entry)
@@ -260,7 +260,7 @@ class History:
             first -= 1
         return Substeps(self, first, found - n)
 
-    def entries(self, first: int, last: int) -> list[KeptMoment]:
+    def entries(self, first: int, last: int) -> list[HistoryEntry]:
         """Return the kept moments from `first` to `last`, both included."""
         return self._entries[first : last + 1]
 

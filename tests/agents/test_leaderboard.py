@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from agents import board, cards, entries, leaderboard, scores, zero_shot
-from agents.entries import COLUMNS, GAMES, Agent, AgentFile
+from agents.entries import COLUMNS, GAMES, Agent, LeaderboardEntry
 from agents.evaluate import CLOCK, run_episode
 from agents.policies import Spec
 from sph_gym import provenance
@@ -37,12 +37,14 @@ def entry(name, returns, split="test", n=N, trainings=1, trained_on=(), suffix="
     about = {**ABOUT, "agent": name, "trained_on": list(trained_on)}
     if trained_on:
         about["networks"] = {"network.npz": "1" * 20}
-    return AgentFile(about, pd.DataFrame(rows)[list(COLUMNS)])
+    return LeaderboardEntry(about, pd.DataFrame(rows)[list(COLUMNS)])
 
 
 def joined(*parts):
     """An entry with the runs of several."""
-    return AgentFile(parts[0].about, pd.concat([part.runs for part in parts], ignore_index=True))
+    return LeaderboardEntry(
+        parts[0].about, pd.concat([part.runs for part in parts], ignore_index=True)
+    )
 
 
 RULE = entry("tuned_cfl", lambda training, family, k: 0.4 + 0.01 * k)

@@ -6,7 +6,7 @@ from sph_gym.doctor import subject
 from sph_gym.doctor.checkup import Checkup, resolve
 from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.faults import FAULTS, make
-from sph_gym.doctor.matrix import BARE, Verdict, examine, show, summary
+from sph_gym.doctor.matrix import BARE, DiagnosisOutcome, examine, show, summary
 from sph_gym.doctor.registry import CHECKS
 
 # Positions and velocities alone don't tell whether forces have too much gravity, or steps.
@@ -66,9 +66,9 @@ def test_by_name():
 
 def test_the_matrix_counts(capsys):
     outcomes = [
-        Verdict("attracts", "force", "force", "push_apart"),
-        Verdict("no_clamp", "pressure", "density", "kernel"),
-        Verdict("jelly", "viscosity", "", ""),
+        DiagnosisOutcome("attracts", "force", "force", "push_apart"),
+        DiagnosisOutcome("no_clamp", "pressure", "density", "kernel"),
+        DiagnosisOutcome("jelly", "viscosity", "", ""),
     ]
     assert show(iter(outcomes)) == 1
     lines = capsys.readouterr().out.splitlines()

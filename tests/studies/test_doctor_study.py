@@ -4,15 +4,15 @@ from sph_gym import studies
 from sph_gym.command_line.study import STUDIES
 from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.faults import FAULTS
-from sph_gym.doctor.matrix import ALL, BARE, Verdict
+from sph_gym.doctor.matrix import ALL, BARE, DiagnosisOutcome
 from sph_gym.solver.kernels import ALL_KERNELS
 from sph_gym.studies import doctor
 
 OUTCOMES = [
-    Verdict("attracts", "force", "force", "push_apart"),
-    Verdict("no_clamp", "pressure", "density", "kernel"),
-    Verdict("jelly", "viscosity", "", ""),
-    Verdict("no_walls", "walls", "walls", "sides"),
+    DiagnosisOutcome("attracts", "force", "force", "push_apart"),
+    DiagnosisOutcome("no_clamp", "pressure", "density", "kernel"),
+    DiagnosisOutcome("jelly", "viscosity", "", ""),
+    DiagnosisOutcome("no_walls", "walls", "walls", "sides"),
 ]
 
 

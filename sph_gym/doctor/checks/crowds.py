@@ -6,7 +6,7 @@ from sph_gym.doctor.case import C0, DX, Array, Case, H, case, lattice
 from sph_gym.doctor.checks.force import LISTS
 from sph_gym.doctor.findings import Finding, failed, passed
 from sph_gym.doctor.lab import Lab
-from sph_gym.doctor.laws import KernelTable
+from sph_gym.doctor.laws import MeasuredWeights
 from sph_gym.doctor.probes import STILL, cluster, fields, not_finite, tolerant
 from sph_gym.doctor.registry import check
 
@@ -59,7 +59,7 @@ def dense_group(lab: Lab) -> Finding:
     weights = lab.facts.get("weight")
     few = x[:3]
     if (
-        not isinstance(weights, KernelTable)
+        not isinstance(weights, MeasuredWeights)
         or not _same(weights, start)
         or np.abs(_shares(lab, weights, few) - 1).max() > 0.02
     ):
@@ -74,12 +74,12 @@ def dense_group(lab: Lab) -> Finding:
     return failed(text, remedy, worst, 1.0, link="neighbours", **numbers)
 
 
-def _shares(lab: Lab, weights: KernelTable, x: Array) -> Array:
+def _shares(lab: Lab, weights: MeasuredWeights, x: Array) -> Array:
     """Return densities (n,) as shares of the sums over pairs."""
     r = np.linalg.norm(x[:, None] - x[None], axis=2)
     np.fill_diagonal(r, np.inf)
     return np.asarray(fields(lab, case(x)).rho / (weights.own + weights(r).sum(axis=1)))
 
 
-def _same(weights: KernelTable, start: Case) -> bool:
+def _same(weights: MeasuredWeights, start: Case) -> bool:
     return weights.settings["h"] == start.h and weights.settings["dx"] == start.dx

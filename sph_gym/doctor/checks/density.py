@@ -12,7 +12,7 @@ from sph_gym.doctor.continuity import (
 )
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
-from sph_gym.doctor.laws import KernelTable, Match, lattice_sum, match
+from sph_gym.doctor.laws import Match, MeasuredWeights, lattice_sum, match
 from sph_gym.doctor.probes import (
     DISTANCES,
     Pairs,
@@ -108,7 +108,9 @@ def kernel(lab: Lab) -> Finding:
     one_sided = np.abs(values[:, 0] - values[:, 1])
     if max(one_sided.max(), np.abs(here - there).max()) > noise:
         return uneven(table.q, one_sided, np.abs(here - there), noise)
-    weights = KernelTable(fluid(H, ratio), DISTANCES, here, own, match(DISTANCES, here, "weight"))
+    weights = MeasuredWeights(
+        fluid(H, ratio), DISTANCES, here, own, match(DISTANCES, here, "weight")
+    )
     finding = _ends(weights) or _own_share(weights)
     if finding:
         return finding
@@ -124,7 +126,7 @@ def _reacting(lab: Lab, ratio: float) -> Pairs | None:
     return table if np.abs(table.rho - own).max() > 1e-4 * abs(own) else None
 
 
-def _ends(weights: KernelTable) -> Finding | None:
+def _ends(weights: MeasuredWeights) -> Finding | None:
     """Return that the kernel ends elsewhere than at h, None if it doesn't."""
     q, values = weights.q, weights.values
     size = np.abs(values).max()
@@ -147,7 +149,7 @@ def _ends(weights: KernelTable) -> Finding | None:
     return None
 
 
-def _own_share(weights: KernelTable) -> Finding | None:
+def _own_share(weights: MeasuredWeights) -> Finding | None:
     """Return that a particle's own share is not the kernel's value at 0, None if it is."""
     near, next_ = weights.values[:2]
     step = weights.q[0] / (weights.q[1] - weights.q[0])
@@ -250,7 +252,7 @@ def _inside(lab: Lab, h: float) -> tuple[float, float | None]:
     rho = fields(lab, case([*x, (30.3 * h, 9.0 * h)], **settings)).rho
     share = float(np.median(rho[:-1][inside])) / RHO0
     weights = lab.facts.get("weight")
-    if not isinstance(weights, KernelTable) or weights.settings != settings:
+    if not isinstance(weights, MeasuredWeights) or weights.settings != settings:
         return share, None
     r = np.linalg.norm(x - x[len(x) // 2], axis=1)
     # a lone particle shows the mass, which some calibrate anew for every arrangement

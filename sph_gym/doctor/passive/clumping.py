@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.survey import OrderedRecording, nearest
+from sph_gym.doctor.passive.survey import RecordingSurvey, nearest
 from sph_gym.doctor.reading.frames import Array
 
 # Particles nearer to each other than these shares of the spacing are clumped, or paired.
@@ -15,7 +15,7 @@ USUAL, ODD, CURDLED = 0.05, 0.2, 0.4
 UNIT = "share of the particles"
 
 
-def suction(survey: OrderedRecording) -> Finding:
+def suction(survey: RecordingSurvey) -> Finding:
     """Look for negative pressures together with particles that gather in clumps."""
     if survey.first.p is None or not survey.samples:
         return skipped("the recording has no pressures")
@@ -43,7 +43,7 @@ def suction(survey: OrderedRecording) -> Finding:
     )
 
 
-def clumping(survey: OrderedRecording) -> Finding:
+def clumping(survey: RecordingSurvey) -> Finding:
     """Measure distances to the nearest neighbour: particles in pairs, or at one place."""
     if not survey.samples or len(survey.samples[0].x) < 8:
         return skipped("too few particles")
@@ -58,7 +58,7 @@ def clumping(survey: OrderedRecording) -> Finding:
     return passed(text, shares[-1], shares[0], unit=UNIT, tolerance=f"{CURDLED:g}")
 
 
-def _paired(survey: OrderedRecording, shares: list[float]) -> Finding:
+def _paired(survey: RecordingSurvey, shares: list[float]) -> Finding:
     text = (
         f"{100 * shares[-1]:.0f} % of the particles end closer than {PAIRED:g} spacings to another "
         f"({100 * shares[0]:.0f} % at the start)"
@@ -85,7 +85,7 @@ def _paired(survey: OrderedRecording, shares: list[float]) -> Finding:
     )
 
 
-def _coincident(survey: OrderedRecording, worst: int) -> Finding:
+def _coincident(survey: RecordingSurvey, worst: int) -> Finding:
     frame, room = survey.samples[worst], SAME * survey.spacing
     x = frame.x
     same = nearest(x) < room
@@ -104,7 +104,7 @@ def _coincident(survey: OrderedRecording, worst: int) -> Finding:
     return _on_top(survey, text, int(same.sum()))
 
 
-def _on_top(survey: OrderedRecording, text: str, n: int) -> Finding:
+def _on_top(survey: RecordingSurvey, text: str, n: int) -> Finding:
     pressures = [f.p for f in survey.samples if f.p is not None]
     if pressures and not any(p.any() for p in pressures):
         return failed(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.laws import FITS, law
-from sph_gym.doctor.passive.survey import OrderedRecording, distances, nearest
+from sph_gym.doctor.passive.survey import RecordingSurvey, distances, nearest
 from sph_gym.doctor.reading import Frame
 from sph_gym.doctor.reading.frames import Array
 
@@ -25,7 +25,7 @@ OFF, FEW = 0.5, 0.05
 REST, PRESSED = (0.7, 1.4), 1.6
 
 
-def interior_density(survey: OrderedRecording) -> Finding:
+def interior_density(survey: RecordingSurvey) -> Finding:
     """Compare densities of particles inside the fluid with those of the start and of rest."""
     if survey.first.rho is None:
         return skipped("the recording has no densities")
@@ -39,7 +39,7 @@ def interior_density(survey: OrderedRecording) -> Finding:
     return _against_crowding(survey, frames)
 
 
-def _against_crowding(survey: OrderedRecording, frames: list[Frame]) -> Finding:
+def _against_crowding(survey: RecordingSurvey, frames: list[Frame]) -> Finding:
     rows = np.arange(0, len(frames[0].x), max(1, len(frames[0].x) // ENOUGH))
     rows = rows[rows < min(len(frame.x) for frame in frames)]
     crowding = [_crowding(survey, frame, rows) for frame in frames]
@@ -70,7 +70,7 @@ def _against_crowding(survey: OrderedRecording, frames: list[Frame]) -> Finding:
     )
 
 
-def _rest(survey: OrderedRecording) -> tuple[float, tuple[float, float]]:
+def _rest(survey: RecordingSurvey) -> tuple[float, tuple[float, float]]:
     """Return the density at rest [kg/m^3], and between which shares of it a flow may begin.
 
     It is that of the scene, or where pressures vanish; NaN where there is neither.
@@ -87,7 +87,7 @@ def _rest(survey: OrderedRecording) -> tuple[float, tuple[float, float]]:
     return math.nan if found is None or found.misfit > FITS else found.rho0, (0.0, PRESSED)
 
 
-def _never_renewed(survey: OrderedRecording, frames: list[Frame], change: Array) -> bool:
+def _never_renewed(survey: RecordingSurvey, frames: list[Frame], change: Array) -> bool:
     """Return whether densities stay though crowding does not; those of several fluids may.
 
     change: (n,) of the crowding, as a share of the usual one.
@@ -102,7 +102,7 @@ def _never_renewed(survey: OrderedRecording, frames: list[Frame], change: Array)
     return same and kinds > 0.1 * len(first.rho) and float(np.median(change)) > 0.02
 
 
-def _crowding(survey: OrderedRecording, frame: Frame, rows: NDArray[np.int64]) -> Array:
+def _crowding(survey: RecordingSurvey, frame: Frame, rows: NDArray[np.int64]) -> Array:
     """Return, for some particles, the sum of a kernel over fluid and walls.
 
     Only ratios of such sums mean anything.
@@ -131,7 +131,7 @@ def _share_off(first: Frame, frame: Frame, inside: NDArray[np.bool_]) -> float:
     return float((np.abs(frame.rho[inside] / first.rho[inside] - 1) > OFF).mean())
 
 
-def _not_positive(survey: OrderedRecording, frame: Frame) -> Finding:
+def _not_positive(survey: RecordingSurvey, frame: Frame) -> Finding:
     assert frame.rho is not None
     i = int(np.argmin(frame.rho))
     return failed(

@@ -6,7 +6,7 @@ import numpy as np
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.laws import sound_speed
-from sph_gym.doctor.passive.survey import OrderedRecording
+from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading.frames import Array
 from sph_gym.solver.scene import Scene
 
@@ -19,7 +19,7 @@ SURPLUS = 0.3
 BURST = 1.0
 
 
-def momentum(survey: OrderedRecording) -> Finding:
+def momentum(survey: RecordingSurvey) -> Finding:
     """Compare the mean velocity of the fluid with that of a free fall."""
     looks, scene = survey.looks, survey.known.scene
     if survey.first.v is None or survey.change is not None or len(looks) < 3:
@@ -44,7 +44,7 @@ def momentum(survey: OrderedRecording) -> Finding:
     )
 
 
-def _free_fall(survey: OrderedRecording, scene: Scene, change: Array, size: float) -> Finding:
+def _free_fall(survey: RecordingSurvey, scene: Scene, change: Array, size: float) -> Finding:
     """Compare the change of the mean velocity (frames, d) with what the scene's gravity does."""
     effects = scene.effects
     if scene.walls is not None or (effects.field is not None and not _uniform(scene)):
@@ -67,7 +67,7 @@ def _free_fall(survey: OrderedRecording, scene: Scene, change: Array, size: floa
     )
 
 
-def energy(survey: OrderedRecording) -> Finding:
+def energy(survey: RecordingSurvey) -> Finding:
     """Look for kinetic energy that neither gravity nor compression can have given."""
     if survey.first.v is None or survey.n_frames < 2:
         return skipped("needs velocities and two frames")
@@ -95,7 +95,7 @@ _CAUSES = (
 )
 
 
-def _balance(survey: OrderedRecording, scene: Scene, kinetic: Array) -> Finding:
+def _balance(survey: RecordingSurvey, scene: Scene, kinetic: Array) -> Finding:
     g = scene.effects.gravity_at(0.0)
     potential = np.array([-float(g @ look.center) for look in survey.looks])
     stored = _stored(survey, scene)
@@ -119,7 +119,7 @@ def _balance(survey: OrderedRecording, scene: Scene, kinetic: Array) -> Finding:
     )
 
 
-def _stored(survey: OrderedRecording, scene: Scene) -> float:
+def _stored(survey: RecordingSurvey, scene: Scene) -> float:
     """Return the mean energy of compression of frame 0 [m^2/s^2], by Tait's equation."""
     fluid, rho = scene.fluid, survey.first.rho
     assert rho is not None
@@ -152,6 +152,6 @@ def _closed(scene: Scene) -> bool:
     return still and effects.surface_tension is None and (effects.field is None or _uniform(scene))
 
 
-def _steady(survey: OrderedRecording) -> bool:
+def _steady(survey: RecordingSurvey) -> bool:
     known = survey.known.stiffness
     return known is None or bool(np.ptp(known) == 0)

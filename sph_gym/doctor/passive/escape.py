@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.survey import OrderedRecording
+from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
 from sph_gym.doctor.reading.frames import Array
 
@@ -22,7 +22,7 @@ _LEAK = (
 )
 
 
-def escape(survey: OrderedRecording) -> Finding:
+def escape(survey: RecordingSurvey) -> Finding:
     """Look for particles beyond a known box, through walls of particles, or far from all others."""
     if not survey.samples or len(survey.first.x) < 8:
         return skipped("too few particles")
@@ -41,11 +41,11 @@ def escape(survey: OrderedRecording) -> Finding:
     return _far(survey)
 
 
-def _followed(survey: OrderedRecording) -> bool:
+def _followed(survey: RecordingSurvey) -> bool:
     return survey.change is None and not survey.reordered
 
 
-def _beyond(survey: OrderedRecording, box: tuple[float, float, float, float]) -> Finding | None:
+def _beyond(survey: RecordingSurvey, box: tuple[float, float, float, float]) -> Finding | None:
     low, high = np.array(box[::2]), np.array(box[1::2])
     for k, frame in zip(survey.sampled, survey.samples, strict=True):
         depth = np.maximum(low - frame.x, frame.x - high).max(axis=1)
@@ -64,7 +64,7 @@ def _beyond(survey: OrderedRecording, box: tuple[float, float, float, float]) ->
     return None
 
 
-def _through(survey: OrderedRecording, walls: Array) -> Finding | None:
+def _through(survey: RecordingSurvey, walls: Array) -> Finding | None:
     """Find a path that leaves the rectangle around fluid and walls where a wall particle is."""
     everything = np.concatenate([survey.first.x, walls])
     low, high = everything.min(axis=0), everything.max(axis=0)
@@ -85,7 +85,7 @@ def _through(survey: OrderedRecording, walls: Array) -> Finding | None:
 
 
 def _leak(
-    survey: OrderedRecording, a: Frame, b: Frame, ends: tuple[Array, Array], walls: Array
+    survey: RecordingSurvey, a: Frame, b: Frame, ends: tuple[Array, Array], walls: Array
 ) -> Finding | None:
     i, points, axes = _crossing(a, b, *ends)
     leaks = np.array(
@@ -128,7 +128,7 @@ def _crossing(a: Frame, b: Frame, low: Array, high: Array) -> tuple[Any, Array, 
     return i, start + shares.min(axis=1, initial=1.0)[:, None] * way, shares.argmin(axis=1)
 
 
-def _far(survey: OrderedRecording) -> Finding:
+def _far(survey: RecordingSurvey) -> Finding:
     """Look for particles far from where all others are."""
     worst, where, n = 0.0, 0, 0
     for k, frame in zip(survey.sampled, survey.samples, strict=True):

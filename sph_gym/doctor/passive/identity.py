@@ -5,14 +5,14 @@ import math
 import numpy as np
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
-from sph_gym.doctor.passive.survey import CHAIN, Change, OrderedRecording, nearest
+from sph_gym.doctor.passive.survey import CHAIN, Change, RecordingSurvey, nearest
 from sph_gym.doctor.reading import Frame
 
 # Particles that vanish nearer than this to the border of all others [spacings] may have left.
 BORDER = 4.0
 
 
-def layout(survey: OrderedRecording) -> Finding:
+def layout(survey: RecordingSurvey) -> Finding:
     """Say what the recording holds: frames, particles, quantities."""
     frame, recording = survey.first, survey.recording
     columns = [name for name in (*CHAIN, "ids") if getattr(frame, name) is not None]
@@ -26,7 +26,7 @@ def layout(survey: OrderedRecording) -> Finding:
     )
 
 
-def finite(survey: OrderedRecording) -> Finding:
+def finite(survey: RecordingSurvey) -> Finding:
     """Find the first density, pressure, velocity or position that is not finite."""
     bad = survey.bad
     if bad is None:
@@ -46,7 +46,7 @@ def finite(survey: OrderedRecording) -> Finding:
     )
 
 
-def particles(survey: OrderedRecording) -> Finding:
+def particles(survey: RecordingSurvey) -> Finding:
     """Follow the particles: their number, their identities, their order."""
     if survey.doubled >= 0:
         return failed(
@@ -62,7 +62,7 @@ def particles(survey: OrderedRecording) -> Finding:
     return _in_order(survey)
 
 
-def _changed(survey: OrderedRecording, change: Change) -> Finding:
+def _changed(survey: RecordingSurvey, change: Change) -> Finding:
     some = f" ({', '.join(change.names)})" if change.names else ""
     lost, gained = len(change.lost), change.gained
     counts = f"{survey.looks[change.frame - 1].n} then {survey.looks[change.frame].n}"
@@ -92,7 +92,7 @@ def _changed(survey: OrderedRecording, change: Change) -> Finding:
     )
 
 
-def _in_order(survey: OrderedRecording) -> Finding:
+def _in_order(survey: RecordingSurvey) -> Finding:
     """Without identities, look whether rows still belong to the particles that they did."""
     n = survey.looks[0].n if survey.looks else 0
     for k, a, b in survey.pairs():
@@ -116,7 +116,7 @@ def _scattered(a: Frame, b: Frame) -> float:
     return min(float(np.median(np.linalg.norm(rest, axis=1))) for rest in rests)
 
 
-def _exchanged(survey: OrderedRecording, k: int, a: Frame, b: Frame) -> Finding:
+def _exchanged(survey: RecordingSurvey, k: int, a: Frame, b: Frame) -> Finding:
     from scipy.spatial import cKDTree
 
     place = cKDTree(b.x).query(a.x)[1]
@@ -143,7 +143,7 @@ def _exchanged(survey: OrderedRecording, k: int, a: Frame, b: Frame) -> Finding:
     )
 
 
-def interval(survey: OrderedRecording, k: int) -> float:
+def interval(survey: RecordingSurvey, k: int) -> float:
     """Return the time [s] from frame k to the next, NaN if it isn't told.
 
     Whole numbers that count the frames are no times.

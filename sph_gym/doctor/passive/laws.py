@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.passive.survey import OrderedRecording
+from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading.frames import Array
 
 GAMMAS = np.arange(0.5, 12.01, 0.25)
@@ -85,7 +85,7 @@ def _misfit(ratio: Array, p: Array, gamma: float) -> float:
     return float(np.sqrt((rest**2).mean()) / np.std(p))
 
 
-def law(survey: OrderedRecording) -> TaitFit | None:
+def law(survey: RecordingSurvey) -> TaitFit | None:
     """Return the law of the recording's pressures, None if it can't be told."""
     if "law" not in survey.facts:
         pairs = [(f.rho, f.p) for f in survey.samples if f.rho is not None and f.p is not None]
@@ -98,7 +98,7 @@ def law(survey: OrderedRecording) -> TaitFit | None:
     return found
 
 
-def sound_speed(survey: OrderedRecording) -> float:
+def sound_speed(survey: RecordingSurvey) -> float:
     """Return the speed of sound [m/s]: of the scene, or of the law if there is one; else NaN."""
     known, scene = survey.known, survey.known.scene
     if scene is not None and known.stiffness is not None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.identity import interval
 from sph_gym.doctor.passive.laws import sound_speed
-from sph_gym.doctor.passive.survey import OrderedRecording
+from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
 
 # A velocity is steady if it changes by less than this share of itself from frame to frame.
@@ -38,7 +38,7 @@ class FrameStep(NamedTuple):
     aside: float
 
 
-def motion(survey: OrderedRecording) -> Finding:
+def motion(survey: RecordingSurvey) -> Finding:
     """Compare displacements between frames with velocities, for particles of steady velocity."""
     if survey.first.v is None:
         return skipped("the recording has no velocities")
@@ -117,7 +117,7 @@ def _step(a: Frame, b: Frame, told: float) -> FrameStep | None:
     )
 
 
-def frozen(survey: OrderedRecording) -> Finding:
+def frozen(survey: RecordingSurvey) -> Finding:
     """Look for particles that have a velocity and stay where they are, in all frames."""
     if survey.first.v is None or survey.reordered or survey.change is not None:
         return skipped("needs velocities, and the same particles in all frames")
@@ -137,7 +137,7 @@ def frozen(survey: OrderedRecording) -> Finding:
     return _stuck(survey, stuck)
 
 
-def _stuck(survey: OrderedRecording, stuck: NDArray[np.bool_]) -> Finding:
+def _stuck(survey: RecordingSurvey, stuck: NDArray[np.bool_]) -> Finding:
     x, i = survey.first.x, int(np.argmax(stuck))
     beside = np.minimum(x - x.min(axis=0), x.max(axis=0) - x).min(axis=1) < 0.1 * survey.spacing
     clamped = bool(beside[stuck].all()) and not survey.still.all()
@@ -155,7 +155,7 @@ def _stuck(survey: OrderedRecording, stuck: NDArray[np.bool_]) -> Finding:
     )
 
 
-def speeds(survey: OrderedRecording) -> Finding:
+def speeds(survey: RecordingSurvey) -> Finding:
     """Compare speeds with the speed of sound, told or found in the equation of state."""
     if survey.first.v is None:
         return skipped("the recording has no velocities")

@@ -4,7 +4,7 @@ import numpy as np
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.laws import FITS, TaitFit, law
-from sph_gym.doctor.passive.survey import OrderedRecording
+from sph_gym.doctor.passive.survey import RecordingSurvey
 
 # Pressures may be so far off a known law, as a share of themselves.
 EXACT = 0.02
@@ -14,7 +14,7 @@ VAGUE = 1.0
 FALLING = 0.8
 
 
-def equation_of_state(survey: OrderedRecording) -> Finding:
+def equation_of_state(survey: RecordingSurvey) -> Finding:
     """Fit Tait's equation to densities and pressures, or compare them with the scene's."""
     if survey.first.rho is None or survey.first.p is None:
         return skipped("the recording has no densities and pressures")
@@ -74,7 +74,7 @@ def _exponent(found: TaitFit) -> Finding:
     return inconclusive(f"an unusual exponent: {told}", *numbers, unit="gamma")
 
 
-def _against_scene(survey: OrderedRecording, found: TaitFit | None) -> Finding:
+def _against_scene(survey: RecordingSurvey, found: TaitFit | None) -> Finding:
     scene, stiffness = survey.known.scene, survey.known.stiffness
     assert scene is not None
     assert stiffness is not None

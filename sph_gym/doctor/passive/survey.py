@@ -20,7 +20,7 @@ CHAIN = {"rho": "density", "p": "pressure", "v": "force", "x": "integration"}
 class Bad(NamedTuple):
     """The first value that is not finite.
 
-    frame: its number; particle: as `OrderedRecording.name` has it.
+    frame: its number; particle: as `RecordingSurvey.name` has it.
     """
 
     frame: int
@@ -56,7 +56,7 @@ class Change(NamedTuple):
     names: tuple[str, ...]
 
 
-class OrderedRecording:
+class RecordingSurvey:
     """A recording with its fluid put in order, up to the first value that is not finite.
 
     first: the fluid of frame 0; looks: one a frame; bad: what ended it; change: of the particles;

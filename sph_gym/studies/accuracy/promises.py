@@ -24,7 +24,7 @@ LEAST_REACHED = 3.0
 CAREFUL = 2.0
 
 
-class TriedAdvice(NamedTuple):
+class TriedRecommendation(NamedTuple):
     """A recommendation that was tried out.
 
     other: the case, 0 for the one of the table; asked: the error that was asked for; answered:
@@ -40,7 +40,9 @@ class TriedAdvice(NamedTuple):
     early: float = math.nan
 
 
-def try_out(case: Refinement, points: Sequence[Point], sampling: Sampling) -> list[TriedAdvice]:
+def try_out(
+    case: Refinement, points: Sequence[Point], sampling: Sampling
+) -> list[TriedRecommendation]:
     """Return recommendations between the measured resolutions and in other cases, with their runs.
 
     None without a series to recommend, nor where errors lie within their scatter, since all
@@ -57,7 +59,9 @@ def try_out(case: Refinement, points: Sequence[Point], sampling: Sampling) -> li
         return measure_point(case, "promise", setting, once, other)
 
     between = _between(series).items()
-    found = [TriedAdvice(0, asked, choice, run(choice.setting, 0)) for choice, asked in between]
+    found = [
+        TriedRecommendation(0, asked, choice, run(choice.setting, 0)) for choice, asked in between
+    ]
     for other in range(1, len(case.others) + 1):
 
         @cache
@@ -67,7 +71,9 @@ def try_out(case: Refinement, points: Sequence[Point], sampling: Sampling) -> li
 
         for asked, choice, answered, early in _in_other_case(series, probe):
             found.append(
-                TriedAdvice(other, asked, choice, run(choice.setting, other), answered, early)
+                TriedRecommendation(
+                    other, asked, choice, run(choice.setting, other), answered, early
+                )
             )
     return found
 
@@ -96,7 +102,7 @@ def _in_other_case(
 ) -> Iterator[tuple[float, Choice, bool, float]]:
     """Yield for each error that has one what is next to the answer in another case.
 
-    The last two entries are those of a `TriedAdvice`.
+    The last two entries are those of a `TriedRecommendation`.
     """
     for target in _targets(series):
 
@@ -123,7 +129,7 @@ def _off_grid(series: Series, across: int) -> Choice:
     return series.at((finer or coarser)[0])
 
 
-def rows(case: Refinement, trials: Sequence[TriedAdvice]) -> Iterator[Row]:
+def rows(case: Refinement, trials: Sequence[TriedRecommendation]) -> Iterator[Row]:
     """Yield measured over promised error and time, and how many errors are within reach elsewhere.
 
     Without a trial, a row that says so.
@@ -148,7 +154,7 @@ def rows(case: Refinement, trials: Sequence[TriedAdvice]) -> Iterator[Row]:
         yield Row("other cases", f"{name}, none: {case.single}", 0, "")
 
 
-def _kept(title: str, trial: TriedAdvice) -> Iterator[Row]:
+def _kept(title: str, trial: TriedRecommendation) -> Iterator[Row]:
     choice, found = trial.choice, trial.found
     where = f"{title}, {100 * choice.promised:.2g} % promised, {choice.setting.across} across"
     error, time = found.error / choice.promised, found.effort / choice.effort
@@ -167,7 +173,7 @@ def _title(case: Refinement, other: int) -> str:
     return "other case: " + " ".join(f"{name}={value:g}" for name, value in changed.items())
 
 
-def records(trials: Sequence[TriedAdvice]) -> list[dict[str, Any]]:
+def records(trials: Sequence[TriedRecommendation]) -> list[dict[str, Any]]:
     """Return the trials as rows of a table: what was asked and promised, and what was measured."""
     return [
         {

@@ -56,7 +56,7 @@ def measure(
     output = folder / ("accuracy_quick" if quick else "accuracy")
     for place in (sampling.folder, output):
         Results(place).check_writable()
-    every, trials = list[Point](), list[promises.TriedAdvice]()
+    every, trials = list[Point](), list[promises.TriedRecommendation]()
     wanted = list(chosen or plan.scenes)
     for k, name in enumerate(wanted, 1):
         case = refinement(name)

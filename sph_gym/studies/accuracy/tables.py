@@ -17,7 +17,7 @@ from sph_gym.studies import machine
 from sph_gym.studies.accuracy import analysis
 from sph_gym.studies.accuracy.analysis import TARGETS, TIME, ValueGain
 from sph_gym.studies.accuracy.points import Point
-from sph_gym.studies.accuracy.promises import TriedAdvice, records
+from sph_gym.studies.accuracy.promises import TriedRecommendation, records
 
 # Entries of a point in their order, the setting apart.
 COLUMNS = (
@@ -40,7 +40,7 @@ def write_scene(points: Sequence[Point], folder: Path) -> None:
     write_rows(offered, folder / f"{scene}_lines.csv", comment)
 
 
-def write_all(points: Sequence[Point], trials: Sequence[TriedAdvice], folder: Path) -> None:
+def write_all(points: Sequence[Point], trials: Sequence[TriedRecommendation], folder: Path) -> None:
     """Write the tables of all scenes; trials: of recommendations."""
     by_scene = [list(own) for _, own in groupby(points, lambda point: point.scene)]
     settings = [row for own in by_scene for row in cheapest_rows(own)]

@@ -55,14 +55,14 @@ class DoubleDQN(DQN):
         return batch.rewards + (1 - batch.dones) * self.gamma * following + offset
 
 
-def export(model: DoubleDQN) -> Network:
+def export(model: DoubleDQN, action_mode: str) -> Network:
     """Return the network of the values; the policy takes the action of the largest."""
-    return plain_network(model.q_net.q_net, "none", "discrete")
+    return plain_network(model.q_net.q_net, "none", action_mode)
 
 
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
-    training = Training("dqn", args, export, "discrete", trial)
+    training = Training("dqn", args, export, trial)
     envs = training.make_envs()
     if args.resume:
         model = DoubleDQN.load(training.checkpoint(), env=envs, device="cpu")

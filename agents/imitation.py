@@ -53,6 +53,11 @@ class ImitationArgs(BackendArgs):
         """Folder of everything that the imitation writes."""
         return self.output / f"imitation_{self.scene}_seed{self.seed}"
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Hyperparameters, among them the kind of the actions that are learned."""
+        return hyperparameters("imitation", self.scene)
+
 
 def train(args: ImitationArgs) -> None:
     """Learn from the teacher, round by round; keep the network that is best in validation.
@@ -61,7 +66,7 @@ def train(args: ImitationArgs) -> None:
     """
     torch.set_num_threads(1)
     ids = validation_ids(args.scene, args.n_evaluations)
-    validation = Validation(ids, args.folder)
+    validation = Validation(ids, args.folder, args.settings["action_mode"])
     answers, learner = [], None
     for number in range(args.rounds):
         answers += attend(args, number, learner)
@@ -80,12 +85,12 @@ def train(args: ImitationArgs) -> None:
 
 def attend(args: ImitationArgs, number: int, learner: Path | None) -> list[dict[str, Any]]:
     """Return the lessons of a round; those that are kept are not played again."""
-    count, size = args.lessons, SIZES["train"]
+    count, size, mode = args.lessons, SIZES["train"], args.settings["action_mode"]
     path = None if learner is None else str(learner)
     # every round has other instances, until all have been played
     first = (args.seed * args.rounds + number) * count
     jobs = [
-        Lesson(args.teacher, path, f"{name}/train/{k % size}", args.seed + k)
+        Lesson(args.teacher, path, f"{name}/train/{k % size}", args.seed + k, mode)
         for name in members(args.scene)
         for k in range(first, first + count)
     ]
@@ -102,7 +107,7 @@ def fit(args: ImitationArgs, observations: Any, actions: Any) -> Network:
 
     The loss grows linearly for answers far off, since equally good actions may be far apart.
     """
-    settings = hyperparameters("imitation", args.scene)
+    settings = args.settings
     torch.manual_seed(args.seed)
     inputs, wanted = (torch.as_tensor(x, dtype=torch.float32) for x in (observations, actions))
     module = perceptron(inputs.shape[1], settings["net_arch"], wanted.shape[1])
@@ -116,7 +121,7 @@ def fit(args: ImitationArgs, observations: Any, actions: Any) -> Network:
         loss.backward()
         descent.step()
         decay.step()
-    return plain_network(module, "clip", "absolute")
+    return plain_network(module, "clip", settings["action_mode"])
 
 
 def perceptron(n_in: int, widths: Sequence[int], n_out: int) -> torch.nn.Sequential:

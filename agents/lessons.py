@@ -39,22 +39,26 @@ class Lesson(NamedTuple):
     """An episode with a teacher.
 
     teacher: one of TEACHERS; learner: file of a network, None for an episode of the teacher's own;
-    instance: what is played; seed: of the state at which a dear teacher takes over.
+    instance: what is played; seed: of the state at which a dear teacher takes over;
+    action_mode: of the environment.
     """
 
     teacher: str
     learner: str | None
     instance: str
     seed: int
+    action_mode: str
 
 
-def take(teacher: str, learner: str | None, instance: str, seed: int) -> dict[str, Any]:
+def take(
+    teacher: str, learner: str | None, instance: str, seed: int, action_mode: str
+) -> dict[str, Any]:
     """Play a lesson; return observations, and the actions that the teacher answers with.
 
     Both are lists of lists, rounded, as JSON has them.
     """
     guide, dear = TEACHERS[teacher].make(), TEACHERS[teacher].dear
-    env = TuningEnv(instance.split("/")[0])
+    env = TuningEnv(instance.split("/")[0], action_mode=action_mode)
     observation, _ = env.reset(options={"instance": instance})
     pupil = None if learner is None else play_network(Network.load(learner))
     if pupil is not None and dear:

@@ -18,7 +18,7 @@ from sph_gym.controllers import (
     TunedCfl,
     nominal,
 )
-from sph_gym.env.actions import Discrete
+from sph_gym.env import actions
 from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.oracle import Oracle
 from sph_gym.env.policies import Policy, draw_at_random, follow
@@ -49,25 +49,26 @@ class Spec(NamedTuple):
 
 
 def play_network(network: Network) -> Policy:
-    """Return the policy of an exported network; one of discrete actions plays absolute ones, too.
+    """Return the policy of an exported network; one of other actions plays absolute ones, too.
 
     It raises ValueError in an environment whose observations or actions it wasn't trained with.
     """
+    own = network.action.partition(" ")[0]
+    kind = actions.MODES.get(own, actions.Absolute)()
     discrete = network.squash == "none"
 
     def act(env: gym.Env[Any, Any], observation: NDArray[np.float32]) -> Any:
         tuning: Any = env.unwrapped
         rules = tuning.rules
-        # a choice among the 27 moves becomes the absolute action that leads to the same place
-        mode = "discrete" if discrete and rules.action_mode == "absolute" else rules.action_mode
+        # in absolute actions, what it chooses becomes the action that leads to the same place
+        mode = own if rules.action_mode == "absolute" else rules.action_mode
         network.check(observation_layout(rules), action_layout(mode))
         values = network(observation)
-        if not discrete:
-            return values
-        choice = int(values.argmax())
-        if rules.action_mode == "discrete":
-            return choice
-        return Discrete().act(choice, tuning.episode.coordinates).astype(np.float32)
+        chosen: Any = int(values.argmax()) if discrete else values
+        if rules.action_mode == own:
+            return chosen
+        episode = tuning.episode
+        return kind.act(chosen, episode.coordinates, episode.scene).astype(np.float32)
 
     return act
 

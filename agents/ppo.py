@@ -18,16 +18,16 @@ def layers(model: PPO) -> list[torch.nn.Module]:
     return [*policy.mlp_extractor.policy_net, policy.action_net]
 
 
-def export(model: PPO) -> Network:
+def export(model: PPO, action_mode: str) -> Network:
     """Return the mean of the policy as a plain network; actions are clipped to the box."""
     space: Any = model.action_space
     highest = tuple(space.high.astype(float).tolist())
-    return replace(plain_network(layers(model), "clip", "absolute"), highest=highest)
+    return replace(plain_network(layers(model), "clip", action_mode), highest=highest)
 
 
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
-    training = Training("ppo", args, export, trial=trial)
+    training = Training("ppo", args, export, trial)
     envs = training.make_envs()
     if args.resume:
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")

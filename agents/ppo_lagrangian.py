@@ -69,7 +69,7 @@ class LagrangianPPO(PPO):
 
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
-    training = Training("ppo_lagrangian", args, export, trial=trial)
+    training = Training("ppo_lagrangian", args, export, trial)
     envs = Priced(training.make_envs())
     if args.resume:
         model = LagrangianPPO.load(training.checkpoint(), env=envs, device="cpu")

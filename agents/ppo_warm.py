@@ -21,7 +21,7 @@ from agents.imitation import ImitationArgs
 from agents.ppo import export, layers
 from agents.training import Training, TrainingArgs
 from agents.validation import NETWORK
-from sph_gym.controllers import Network, TunedCfl
+from sph_gym.controllers import Network
 from sph_gym.env import actions
 from sph_gym.solver.checks import in_range, positive
 
@@ -34,8 +34,9 @@ class WarmArgs(TrainingArgs):
         "exported network to begin with, by default one that imitates the adaptive rule", None
     )
     courant: float = option(
-        "largest dt c / h that the policy may ask for: with longer steps, some impacts blow up",
-        TunedCfl().courant,
+        "largest Courant multiple that the policy may ask for: with longer steps, some impacts "
+        "blow up; the tuned rule takes 0.75",
+        0.85,
     )
     spread: tuple[float, float, float] = option(
         "standard deviations with which dt, stiffness and epsilon are explored at the start, in "
@@ -60,12 +61,12 @@ def imitate(args: WarmArgs) -> Path:
     return lessons.folder / NETWORK
 
 
-def begin_with(model: PPO, network: Network) -> None:
+def begin_with(model: PPO, network: Network, action_mode: str) -> None:
     """Give the mean of the policy the weights of a network.
 
     Raises ValueError unless it was trained with the same layouts, layers, units and squashing.
     """
-    own = export(model)
+    own = export(model, action_mode)
     network.check(own.observation, own.action)
     shapes = [[weight.shape for weight in each.weights] for each in (network, own)]
     kinds = [(each.activation, each.squash) for each in (network, own)]
@@ -120,7 +121,7 @@ def train(args: WarmArgs) -> None:
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")
     else:
         model = PPO("MlpPolicy", envs, **training.settings())
-        begin_with(model, Network.load(start))
+        begin_with(model, Network.load(start), training.action_mode)
         explore(model, args.spread)
     training.learn(model, [Hold(args.held)])
     envs.close()

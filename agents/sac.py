@@ -10,15 +10,15 @@ from agents.training import Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
 
 
-def export(model: SAC) -> Network:
+def export(model: SAC, action_mode: str) -> Network:
     """Return the mean of the policy as a plain network; tanh brings actions into the box."""
     actor: Any = model.actor
-    return plain_network([*actor.latent_pi, actor.mu], "tanh", "absolute")
+    return plain_network([*actor.latent_pi, actor.mu], "tanh", action_mode)
 
 
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
-    training = Training("sac", args, export, trial=trial)
+    training = Training("sac", args, export, trial)
     envs = training.make_envs()
     if args.resume:
         model = SAC.load(training.checkpoint(), env=envs, device="cpu")

@@ -59,14 +59,13 @@ class Trial(NamedTuple):
 class Training:
     """One training of an algorithm.
 
-    algorithm: name of its YAML file and of its folder; export: makes a plain network of a model;
-    action_mode: the kind of actions that it can learn; trial: None for a training by itself.
+    algorithm: name of its YAML file and of its folder; export: makes a plain network of a model and
+    its action mode; trial: None for a training by itself.
     """
 
     algorithm: str
     args: TrainingArgs
-    export: Callable[[Any], Network]
-    action_mode: str = "absolute"
+    export: Callable[[Any, str], Network]
     trial: Trial | None = None
 
     @property
@@ -83,8 +82,7 @@ class Training:
             args.n_envs,
             scene=args.scene,
             instances="train",
-            action_mode=self.action_mode,
-            **self.hyperparameters().get("env", {}),
+            **self.hyperparameters()["env"],
         )
         envs.seed(args.seed)
         return envs
@@ -94,10 +92,19 @@ class Training:
         found = hyperparameters(self.algorithm, self.args.scene)
         return found if self.trial is None else replaced(found, self.trial.settings)
 
+    @property
+    def action_mode(self) -> str:
+        """Kind of the actions that it learns."""
+        return self.hyperparameters()["env"]["action_mode"]
+
+    def plain(self, model: Any) -> Network:
+        """Return a model as a plain network."""
+        return self.export(model, self.action_mode)
+
     def settings(self) -> dict[str, Any]:
         """Return the arguments of a new model; its learning rate falls linearly to zero."""
         found = self.hyperparameters()
-        found.pop("env", None)
+        del found["env"]
         return found | {
             "learning_rate": linear(found["learning_rate"]),
             "tensorboard_log": str(self.folder / "tensorboard"),
@@ -145,7 +152,7 @@ class Training:
         model.save(last)
         # without a validation there is no best model
         if not validation.network.exists():
-            checked_export(model, self.export).save(validation.network)
+            checked_export(model, self.plain).save(validation.network)
         print(f"policy: {validation.network}")
         if args.ship:
             self._ship(validation.network, best if best.exists() else last)
@@ -166,7 +173,7 @@ class Training:
         report = None if self.trial is None else self.trial.report
         return [
             CheckpointCallback(every, folder, self.algorithm),
-            ValidationCallback(validation, every, self.export, report),
+            ValidationCallback(validation, every, self.plain, report),
         ]
 
 

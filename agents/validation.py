@@ -54,7 +54,7 @@ class Validation:
 
     instances: list[str]
     folder: Path
-    action_mode: str = "absolute"
+    action_mode: str
     resume: bool = False
 
     def __post_init__(self) -> None:

@@ -62,7 +62,7 @@ class Pilot:
         self._sim, self._before, self._when = sim, now, sim.time
         values = self._network(self._features.observe(moment))
         action = int(values.argmax()) if self._discrete else values
-        return actions.decode(scene, self._actions.act(action, present))
+        return actions.decode(scene, self._actions.act(action, present, scene))
 
 
 def _check_sizes(network: Network, features: Features, is_discrete: bool) -> None:

@@ -164,6 +164,16 @@ MIXED = [
 for (name, row), gravity in zip(MIXED, cycle([SHAKEN, ROLLING, RECORDED, CENTRAL, None])):
     CONFIGURATIONS[name] = mixed(row, gravity)
     COMPILED.append((name, row["dtype"]))
+# every integrator, every kind of effects and of walls; `make test-all` runs the other mixtures
+QUICK_MIXTURES = {MIXED[k][0] for k in (0, 1, 4)}
+COSTLY = {name for name, _ in MIXED} - QUICK_MIXTURES
+
+
+def marked(*values, marks=()):
+    """Return a row of parameters that begins with a configuration, `slow` if that is costly."""
+    slow = [pytest.mark.slow] if values[0] in COSTLY else []
+    return pytest.param(*values, marks=[*slow, *marks])
+
 
 # marks of what would cost a compilation, and says as much without
 UNCOMPILED = [
@@ -217,15 +227,17 @@ clouds = pytest.mark.parametrize(
         for name in CLOUDS
     ],
 )
-configurations = pytest.mark.parametrize(("configuration", "dtype"), COMPILED)
+configurations = pytest.mark.parametrize(
+    ("configuration", "dtype"), [marked(*compiled) for compiled in COMPILED]
+)
 # every configuration on every cloud
 compiled_cases = pytest.mark.parametrize(
     ("configuration", "dtype", "cloud"),
     [
-        pytest.param(
+        marked(
             *compiled,
             cloud,
-            marks=pytest.mark.without_jit if cloud == NASTIEST and "float64" in compiled else (),
+            marks=[pytest.mark.without_jit] if cloud == NASTIEST and "float64" in compiled else [],
         )
         for compiled in COMPILED
         for cloud in CLOUDS

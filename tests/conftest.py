@@ -19,6 +19,7 @@ from numba.core import config as numba_config
 
 from sph_gym.solver import stepping
 from sph_gym.solver.teams import most_threads
+from tests.left_out import LEFT_OUT
 
 # The run that must stay within the budget: `make test`.
 QUICK = "not slow"
@@ -44,12 +45,14 @@ def pytest_xdist_auto_num_workers(config):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark as slow what `every` leaves out, and put tests of one configuration side by side.
+    """Mark as slow what is left out, and put tests of one configuration side by side.
 
     Else two workers compile one version at once.
     """
     cases: Counter[str] = Counter()
     for item in items:
+        if item.nodeid.startswith(LEFT_OUT):
+            item.add_marker(pytest.mark.slow)
         mark = item.get_closest_marker("every")
         if mark is not None:
             name = item.nodeid.partition("[")[0]

@@ -68,6 +68,7 @@ def test_files_that_are_no_networks_are_refused(name, scene, tmp_path):
 @pytest.mark.parametrize(
     "rules",
     [
+        {"action_mode": "stable"},
         {"action_mode": "delta"},
         {"action_mode": "discrete"},
         {"observation": "features+context"},

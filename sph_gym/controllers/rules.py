@@ -87,12 +87,8 @@ class TunedCfl:
         scene, h = sim.scene, sim.scene.h
         follow = max(self.mach * numbers["flow_speed"], self.fastest * numbers["max_speed"])
         c = max(follow, self.floor * scene.fluid.c0)
-        nu = scene.effects.laminar_viscosity or 0.0
+        dt = min(1 / (c / (self.courant * h) + viscous_rate(scene)), scene.surface_dt)
         alpha = scene.effects.artificial_viscosity or 0.0
-        # the continuum's nu is alpha c0 h / 8, but the shortest waves feel twice as much
-        damping = alpha * scene.fluid.c0 / (4 * h * damping_share(scene))
-        friction = nu / (scene.viscous_share * h * h) + damping
-        dt = min(1 / (c / (self.courant * h) + friction), scene.surface_dt)
         return Controls(dt, scene.fluid.stiffness(c), self.smoothing(alpha))
 
     def smoothing(self, alpha: float) -> float:
@@ -100,6 +96,16 @@ class TunedCfl:
         low, high = XSPH_RANGE
         decades = math.log10(USUAL_ALPHA / alpha) if alpha > 0 else math.inf
         return min(max(self.xsph + self.xsph_slope * decades, low), high)
+
+
+def viscous_rate(scene: Scene) -> float:
+    """Return the rate [1/s] at which viscosity alone lets a time step be 1 over it."""
+    h = scene.h
+    nu = scene.effects.laminar_viscosity or 0.0
+    alpha = scene.effects.artificial_viscosity or 0.0
+    # the continuum's nu is alpha c0 h / 8, but the shortest waves feel twice as much
+    damping = alpha * scene.fluid.c0 / (4 * h * damping_share(scene))
+    return nu / (scene.viscous_share * h * h) + damping
 
 
 def damping_share(scene: Scene) -> float:

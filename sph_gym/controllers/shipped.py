@@ -3,7 +3,7 @@
 A network NAME is two files of `networks/`: NAME.npz, numbers only, and NAME.json, its card. A name
 is an algorithm and the family that it was trained on, or "benchmark" for all of them: such as
 ppo_dam_break and ppo_benchmark.
-`networks/best.json` has the best network of every family.
+`networks/best.json` has the networks of every family, the best one first.
 """
 
 import json
@@ -41,9 +41,10 @@ class ShippedPolicy:
         return np.int64(values.argmax()) if self.network.squash == "none" else values
 
 
-def shipped(family: str) -> ShippedPolicy:
+def shipped(family: str, action_mode: str = "absolute") -> ShippedPolicy:
     """Return the best network for a family of flows, such as "dam_break" or "benchmark".
 
+    action_mode: of the environment that is to be stepped with what the policy returns.
     Raises ValueError if the package has none for it, or if its files are damaged.
     """
     best = _best()
@@ -52,7 +53,9 @@ def shipped(family: str) -> ShippedPolicy:
             f"shipped: no network comes with this version, so none for {family!r}; a clone of the "
             "project trains some: sph-gym agents"
         )
-    return load(best[known("shipped", family, best)])
+    policies = [load(name) for name in best[known("shipped", family, best)]]
+    by_mode = {policy.network.action.partition(" ")[0]: policy for policy in reversed(policies)}
+    return by_mode[known("action_mode", action_mode, by_mode)]
 
 
 def load(name: str) -> ShippedPolicy:
@@ -86,7 +89,7 @@ def fitting(family: str) -> dict[str, str]:
     for of in (BENCHMARK, family):
         found |= {n.removesuffix(f"_{of}"): n for n in names() if n.endswith(f"_{of}")}
     best = _best()
-    return found | ({BEST: best[family]} if family in best else {})
+    return found | ({BEST: best[family][0]} if family in best else {})
 
 
 def network_of(algorithm: str, family: str) -> Path | None:
@@ -95,6 +98,6 @@ def network_of(algorithm: str, family: str) -> Path | None:
     return None if name is None else SHIPPED / f"{name}.npz"
 
 
-def _best() -> dict[str, str]:
+def _best() -> dict[str, list[str]]:
     path = SHIPPED / f"{BEST}.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}

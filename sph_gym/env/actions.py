@@ -1,6 +1,6 @@
-"""Actions and the controls that they ask for: absolute settings, steps, or one of 27 choices.
+"""Actions and the controls that they ask for: settings, steps, or one of 27 choices.
 
-All three modes share the same coordinates in [-1, 1]^3:
+All modes share the same coordinates in [-1, 1]^3:
 
     0  log of the Courant multiple dt c / h, COURANT from -1 to +1
     1  log of the sound speed c, SOUND times the scene's nominal c0; the stiffness is rho0 c^2/gamma
@@ -17,6 +17,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from sph_gym.controllers.rules import viscous_rate
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
@@ -33,6 +34,8 @@ LOG_COURANT, LOG_SOUND = ((math.log(low), math.log(high)) for low, high in (COUR
 ROUNDING = 5e-6
 # Largest change of a coordinate in one step of the modes "delta" and "discrete".
 STEP = 0.25
+# Keeps a division by zero away.
+TINY = 1e-12
 # (27, 3) change of every coordinate by a discrete action, in multiples of STEP.
 MOVES = np.array(np.unravel_index(np.arange(27), (3, 3, 3))).T - 1
 
@@ -87,10 +90,19 @@ def locate(courant: float, sound: float, xsph: float) -> Coordinates:
 
 def decode(scene: Scene, coordinates: Coordinates) -> Controls:
     """Return the controls at coordinates in [-1, 1]^3."""
-    dt, stiffness, xsph = coordinates.tolist()
-    courant = math.exp(_value(dt, *LOG_COURANT))
-    c = scene.fluid.c0 * math.exp(_value(stiffness, *LOG_SOUND))
-    return Controls(courant * scene.h / c, scene.fluid.stiffness(c), _value(xsph, *XSPH))
+    courant, sound, xsph = _numbers(coordinates)
+    c = scene.fluid.c0 * sound
+    return Controls(courant * scene.h / c, scene.fluid.stiffness(c), xsph)
+
+
+def _numbers(coordinates: Coordinates) -> tuple[float, float, float]:
+    """Return dt c / h, c / c0 and epsilon of coordinates."""
+    dt, sound, xsph = coordinates.tolist()
+    return (
+        math.exp(_value(dt, *LOG_COURANT)),
+        math.exp(_value(sound, *LOG_SOUND)),
+        _value(xsph, *XSPH),
+    )
 
 
 def limit(wanted: Coordinates, present: Coordinates, factor: float) -> Coordinates:
@@ -128,7 +140,8 @@ def _box_action(action: Any) -> Coordinates:
         raise ValueError(
             f"action: expected 3 finite numbers in [-1, 1] ({', '.join(NAMES)}), got {action!r}"
         )
-    return np.clip(numbers.astype(np.float64), -1.0, 1.0)
+    # for three numbers, calls of numpy are what takes time
+    return np.array([min(max(value, -1.0), 1.0) for value in (a, b, c)])
 
 
 def _choice(action: Any) -> int:
@@ -148,13 +161,43 @@ class Absolute:
         """Return Box(-1, 1, (3,), float32)."""
         return spaces.Box(-1.0, 1.0, (3,), np.float32)
 
-    def act(self, action: Any, present: Coordinates) -> Coordinates:
+    def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
         """Return the coordinates that the action asks for."""
         return _box_action(action)
 
-    def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
+    def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:
         """Return the action that comes closest to wanted coordinates."""
         return wanted.astype(np.float32)
+
+
+class Stable(Absolute):
+    """Absolute, but entry 0 is the Courant multiple a in 1 / dt = c / (a h) + the viscous rate.
+
+    So it asks for an equally safe step in every fluid. The tuned rule plays a = 0.75. The viscous
+    rate is that of the scene's viscosities (`sph_gym.controllers.rules.viscous_rate`).
+    """
+
+    def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
+        """Return the coordinates that the action asks for.
+
+        Where friction asks for less than the lowest multiple dt c / h, a larger c makes the step
+        that short.
+        """
+        a, sound, xsph = _numbers(_box_action(action))
+        friction = _friction(scene)
+        sound = min(max(sound, friction * COURANT[0] * a / (a - COURANT[0] + TINY)), SOUND[1])
+        return locate(1 / (1 / a + friction / sound), sound, xsph)
+
+    def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:
+        """Return the action that comes closest to wanted coordinates."""
+        courant, sound, xsph = _numbers(wanted)
+        waves = max(1 / courant - _friction(scene) / sound, 1 / COURANT[1])
+        return locate(1 / waves, sound, xsph).astype(np.float32)
+
+
+def _friction(scene: Scene) -> float:
+    """Return the viscous rate in multiples of c0 / h."""
+    return viscous_rate(scene) * scene.h / scene.fluid.c0
 
 
 class Delta:
@@ -164,11 +207,11 @@ class Delta:
         """Return Box(-1, 1, (3,), float32)."""
         return spaces.Box(-1.0, 1.0, (3,), np.float32)
 
-    def act(self, action: Any, present: Coordinates) -> Coordinates:
+    def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
         """Return the coordinates that the action asks for."""
         return np.clip(present + STEP * _box_action(action), -1.0, 1.0)
 
-    def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
+    def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:
         """Return the action that comes closest to wanted coordinates."""
         return np.clip((wanted - present) / STEP, -1.0, 1.0).astype(np.float32)
 
@@ -180,7 +223,7 @@ class Discrete:
         """Return Discrete(27): 9 a + 3 b + c with a, b, c in 0, 1, 2 for the three coordinates."""
         return spaces.Discrete(27)
 
-    def act(self, action: Any, present: Coordinates) -> Coordinates:
+    def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
         """Return the coordinates that the action asks for."""
         return np.clip(present + STEP * MOVES[_choice(action)], -1.0, 1.0)
 
@@ -196,7 +239,7 @@ class Discrete:
         idle = (MOVES != 0) & ~np.array(useful)
         return np.asarray(~(beyond | idle).any(axis=1))
 
-    def toward(self, wanted: Coordinates, present: Coordinates) -> Any:
+    def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:
         """Return the action that comes closest to wanted coordinates."""
         moves = np.clip(np.rint((wanted - present) / STEP), -1, 1).astype(int) + 1
         return np.int64(np.ravel_multi_index(tuple(moves), (3, 3, 3)))
@@ -204,6 +247,7 @@ class Discrete:
 
 MODES: dict[str, type[Absolute] | type[Delta] | type[Discrete]] = {
     "absolute": Absolute,
+    "stable": Stable,
     "delta": Delta,
     "discrete": Discrete,
 }

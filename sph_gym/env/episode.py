@@ -87,11 +87,11 @@ class Episode:
 
     def check(self, action: Any) -> None:
         """Raise ValueError unless the action is one."""
-        self.rules.actions.act(action, self.coordinates)
+        self.rules.actions.act(action, self.coordinates, self.scene)
 
     def act(self, action: Any) -> None:
         """Set the controls that an action asks for. Raises ValueError unless it is one."""
-        wanted = self.rules.actions.act(action, self.coordinates)
+        wanted = self.rules.actions.act(action, self.coordinates, self.scene)
         # a blow-up returns to it
         self._safe = self._keep() if self.rules.rollbacks else None
         if self.rules.rate_limit is not None:
@@ -172,7 +172,9 @@ class Episode:
 
     def toward(self, controls: Any) -> Any:
         """Return the action that brings the controls as close as possible to the given ones."""
-        return self.rules.actions.toward(actions.encode(self.scene, controls), self.coordinates)
+        return self.rules.actions.toward(
+            actions.encode(self.scene, controls), self.coordinates, self.scene
+        )
 
     # --- the state --------------------------------------------------------------------------
 

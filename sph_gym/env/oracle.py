@@ -98,8 +98,8 @@ class Oracle:
     def _as_actions(self, episode: Episode, start: State, moves: Any) -> list[Any]:
         present, played, modes = start["coordinates"], [], episode.rules.actions
         for wanted, _ in itertools.product(moves, range(self.search.hold)):
-            played.append(modes.toward(np.array(wanted), present))
-            present = modes.act(played[-1], present)
+            played.append(modes.toward(np.array(wanted), present, episode.scene))
+            present = modes.act(played[-1], present, episode.scene)
         return played[: episode.n_steps - start["step"]]
 
     def _settings(self, state: State) -> list[Point]:
@@ -121,7 +121,9 @@ class Oracle:
         episode.restore(state)
         earned, over = 0.0, False
         for _ in range(self.search.hold):
-            action = episode.rules.actions.toward(np.array(wanted), episode.coordinates)
+            action = episode.rules.actions.toward(
+                np.array(wanted), episode.coordinates, episode.scene
+            )
             step = play(episode, action)
             earned += step.reward
             over = step.over

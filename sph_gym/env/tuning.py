@@ -43,7 +43,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     - `instances`: "nominal" or a numbered set, "train", "val", "test" or "ood", from which every
       reset draws with the environment's own generator; or a list of ids, which resets show in
       turn, from place seed (modulo its length) on after a reset with a seed
-    - `action_mode`: "absolute", "delta" or "discrete" (`sph_gym.env.actions`)
+    - `action_mode`: "absolute", "stable", "delta" or "discrete" (`sph_gym.env.actions`)
     - `on_blowup`: "terminate", or "rollback", which charges for the step, goes back to where it
       began and tells the agent, at most three times in a row
     - `reward_weights`: weights of the terms density, clumping, noise, fidelity, work, blowup,

@@ -12,9 +12,8 @@ forces.py, and its twin in tests/naive.py. See docs/architecture.md.
 """
 
 import warnings
-from collections import namedtuple
 from dataclasses import InitVar, dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ from sph_gym.solver.kernels import (
     weight,
 )
 from sph_gym.solver.lanes import like, maximum, minimum, reciprocal, rsqrt
-from sph_gym.solver.registry import EFFECTS, Given, effect
+from sph_gym.solver.registry import EFFECTS, effect
 from sph_gym.solver.surface import (
     DISORDER,
     HELD_BACK,
@@ -439,39 +438,6 @@ def add_density_diffusion(effect, pair, growth):
 
 
 # --- All of them ----------------------------------------------------------------------------
-
-# The numbers of the effects of a scene as the compiled loops take them; None where absent.
-_NAMES = [each.name for each in EFFECTS]
-ActiveEffects: Any = namedtuple("ActiveEffects", _NAMES, defaults=[None] * len(_NAMES))  # type: ignore[misc]
-
-
-def active_effects(given: Given, number: Any) -> Any:
-    """Return the `ActiveEffects` between fluid particles, in the precision `number`."""
-    strengths = {}
-    for each in EFFECTS:
-        value = getattr(given.effects, each.name)
-        if value is not None and value is not False:
-            strength = each.strength(value, given)
-            strengths[each.name] = type(strength)(*map(number, strength))
-    return ActiveEffects(**strengths)
-
-
-def wall_effects(effects: Any, slip: str) -> Any:
-    """Return the effects between fluid and boundary particles, which slip or do not.
-
-    Walls hold no velocity that would smooth the advection and no density that could diffuse, and
-    do not attract the fluid; those with free slip do not rub either. They are no free surface.
-    """
-    if effects.shifting is not None:
-        effects = effects._replace(
-            shifting=effects.shifting._replace(inv_room=0 * effects.shifting.inv_room)
-        )
-    acting, layer = {"always", slip}, effects.surface_tension
-    effects = effects._replace(**{e.name: None for e in EFFECTS if e.at_walls not in acting})
-    if layer is not None:
-        # the layer that pulls is not pulled by walls, but rubs against them
-        effects = effects._replace(surface_tension=layer._replace(strength=0 * layer.strength))
-    return effects
 
 
 @dataclass(frozen=True)

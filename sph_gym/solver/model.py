@@ -1,5 +1,6 @@
 """The numbers that the compiled loops take: made from a scene, and changed by controls."""
 
+from collections import namedtuple
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from sph_gym.solver.boundary import Extrapolation
 from sph_gym.solver.checks import number as finite
 from sph_gym.solver.confinement import Box, Plates, Stroke
-from sph_gym.solver.effects import Xsph, active_effects, wall_effects
+from sph_gym.solver.effects import Xsph
 from sph_gym.solver.equation_of_state import make_eos
 from sph_gym.solver.images import FREEBOARD, Panes, make_mirrors
 from sph_gym.solver.integrators import INTEGRATORS
@@ -19,7 +20,7 @@ from sph_gym.solver.lanes import like, replaced
 from sph_gym.solver.neighbors import WIDEST_GROUP
 from sph_gym.solver.panes import make_panes
 from sph_gym.solver.periodic import Period, make_period
-from sph_gym.solver.registry import Given
+from sph_gym.solver.registry import EFFECTS, Given
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
 from sph_gym.solver.thickness import LINK, is_linked, measure
@@ -32,6 +33,39 @@ ROUNDING = 1.0001
 DRY = 1e-6
 # Share of dx: how far in front of a plate a particle that hit it is put.
 SKIN = 1e-2
+
+# The numbers of the effects of a scene as the compiled loops take them; None where absent.
+_NAMES = [each.name for each in EFFECTS]
+ActiveEffects: Any = namedtuple("ActiveEffects", _NAMES, defaults=[None] * len(_NAMES))  # type: ignore[misc]
+
+
+def active_effects(given: Given, number: Any) -> Any:
+    """Return the `ActiveEffects` between fluid particles, in the precision `number`."""
+    strengths = {}
+    for each in EFFECTS:
+        value = getattr(given.effects, each.name)
+        if value is not None and value is not False:
+            strength = each.strength(value, given)
+            strengths[each.name] = type(strength)(*map(number, strength))
+    return ActiveEffects(**strengths)
+
+
+def wall_effects(effects: Any, slip: str) -> Any:
+    """Return the effects between fluid and boundary particles, which slip or do not.
+
+    Walls hold no velocity that would smooth the advection and no density that could diffuse, and
+    do not attract the fluid; those with free slip do not rub either. They are no free surface.
+    """
+    if effects.shifting is not None:
+        effects = effects._replace(
+            shifting=effects.shifting._replace(inv_room=0 * effects.shifting.inv_room)
+        )
+    acting, layer = {"always", slip}, effects.surface_tension
+    effects = effects._replace(**{e.name: None for e in EFFECTS if e.at_walls not in acting})
+    if layer is not None:
+        # the layer that pulls is not pulled by walls, but rubs against them
+        effects = effects._replace(surface_tension=layer._replace(strength=0 * layer.strength))
+    return effects
 
 
 class Constants(NamedTuple):

@@ -32,12 +32,14 @@ def at_once(monkeypatch):
 
     monkeypatch.setattr(imitation, "run_jobs", run_jobs)
     settings = {"net_arch": [8], "learning_rate": 1e-2, "batch_size": 64, "gradient_steps": 200}
-    monkeypatch.setattr(imitation, "hyperparameters", lambda *_: settings | {"beta": 0.2})
+    monkeypatch.setattr(
+        imitation, "hyperparameters", lambda *_: settings | {"beta": 0.2, "action_mode": "absolute"}
+    )
     return played
 
 
 def test_a_rule_answers_for_every_state_that_it_visits():
-    lesson = lessons.take("tuned_cfl", None, INSTANCE, 0)
+    lesson = lessons.take("tuned_cfl", None, INSTANCE, 0, "absolute")
     env = TuningEnv("patch_impact")
     observation, _ = env.reset(options={"instance": INSTANCE})
     for seen, answer in zip(lesson["observations"], lesson["actions"], strict=True):
@@ -58,18 +60,20 @@ def test_a_dear_teacher_takes_over_and_answers_from_there_on(tmp_path, monkeypat
 
     teacher = lessons.Teacher(Planner, dear=True)
     monkeypatch.setitem(lessons.TEACHERS, "planner", teacher)
-    alone = lessons.take("planner", None, LONGER, 0)
+    alone = lessons.take("planner", None, LONGER, 0, "absolute")
     n_steps = len(alone["actions"])
     assert asked == list(range(n_steps))
     assert n_steps > 20
     path = tmp_path / "learner.npz"
     quick = {"net_arch": [4], "learning_rate": 1e-2, "batch_size": 8, "gradient_steps": 300}
-    monkeypatch.setattr(imitation, "hyperparameters", lambda *_: quick | {"beta": 0.2})
+    monkeypatch.setattr(
+        imitation, "hyperparameters", lambda *_: quick | {"beta": 0.2, "action_mode": "absolute"}
+    )
     imitation.fit(ImitationArgs(), alone["observations"], alone["actions"]).save(path)
     firsts = set()
     for seed in range(3):
         asked.clear()
-        lesson = lessons.take("planner", str(path), LONGER, seed)
+        lesson = lessons.take("planner", str(path), LONGER, seed, "absolute")
         assert asked == list(range(asked[0], n_steps))
         assert len(lesson["observations"]) == len(lesson["actions"]) == len(asked)
         firsts.add(asked[0])

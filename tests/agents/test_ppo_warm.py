@@ -33,7 +33,7 @@ def network(envs, *widths):
 
 def test_the_policy_begins_as_the_network(envs):
     learner, start = model(envs), network(envs, 8, 8)
-    begin_with(learner, start)
+    begin_with(learner, start, "absolute")
     observation = envs.observation_space.sample()
     assert np.allclose(learner.predict(observation, deterministic=True)[0], start(observation))
 
@@ -49,21 +49,24 @@ def test_the_policy_begins_as_the_network(envs):
 )
 def test_another_kind_of_network_is_refused(envs, change, text):
     with pytest.raises(ValueError, match=text):
-        begin_with(model(envs), replace(network(envs, 8, 8), **change))
+        begin_with(model(envs), replace(network(envs, 8, 8), **change), "absolute")
 
 
 def test_another_size_is_refused(envs):
     with pytest.raises(ValueError, match="start: expected a network with layers"):
-        begin_with(model(envs), network(envs, 8, 9))
+        begin_with(model(envs), network(envs, 8, 9), "absolute")
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_the_policy_is_held_while_its_value_is_learned(envs):
     learner = model(envs)
-    before, values = export(learner).weights, learner.policy.value_net.weight.detach().clone()
+    before, values = (
+        export(learner, "absolute").weights,
+        learner.policy.value_net.weight.detach().clone(),
+    )
     learner.learn(16, callback=Hold(17))
-    for one, other in zip(before, export(learner).weights, strict=True):
+    for one, other in zip(before, export(learner, "absolute").weights, strict=True):
         assert np.array_equal(one, other)
     assert not torch.equal(values, learner.policy.value_net.weight)
     learner.learn(32, callback=Hold(17), reset_num_timesteps=False)
-    assert not np.array_equal(before[0], export(learner).weights[0])
+    assert not np.array_equal(before[0], export(learner, "absolute").weights[0])

@@ -37,7 +37,7 @@ def test_each_scene_has_as_many_episodes():
 
 
 def test_the_best_network_and_the_curve_are_kept(tmp_path, returns):
-    kept = Validation(list(RETURNS), tmp_path)
+    kept = Validation(list(RETURNS), tmp_path, "absolute")
     networks = [tiny(seed=seed) for seed in range(3)]
     assert kept.judge(networks[0], 10)
     best = kept.network.read_bytes()
@@ -49,7 +49,7 @@ def test_the_best_network_and_the_curve_are_kept(tmp_path, returns):
     assert curve["return"].tolist() == pytest.approx([0.3, 0.8 / 3])
     assert curve["dam_break"].tolist() == pytest.approx([0.4, 0.4])
     # the best of the first run is the one to beat
-    again = Validation(list(RETURNS), tmp_path, resume=True)
+    again = Validation(list(RETURNS), tmp_path, "absolute", resume=True)
     assert not again.judge(networks[1], 30)
     returns["drop_impact/val/0"] = 0.2
     assert again.judge(networks[2], 40)
@@ -58,16 +58,16 @@ def test_the_best_network_and_the_curve_are_kept(tmp_path, returns):
 
 
 def test_a_new_run_forgets_the_former_one(tmp_path, returns):
-    Validation(list(RETURNS), tmp_path).judge(tiny(), 10)
-    fresh = Validation(list(RETURNS), tmp_path)
+    Validation(list(RETURNS), tmp_path, "absolute").judge(tiny(), 10)
+    fresh = Validation(list(RETURNS), tmp_path, "absolute")
     assert not fresh.network.exists()
     returns["drop_impact/val/0"] = -1.0
     assert fresh.judge(tiny(), 10)
 
 
 def test_a_damaged_curve_is_said_and_starts_again(tmp_path, returns):
-    Validation(list(RETURNS), tmp_path).judge(tiny(), 10)
+    Validation(list(RETURNS), tmp_path, "absolute").judge(tiny(), 10)
     (tmp_path / "validation.csv").write_text("steps,what\n1,2\n")
     with pytest.warns(UserWarning, match="is damaged"):
-        again = Validation(list(RETURNS), tmp_path, resume=True)
+        again = Validation(list(RETURNS), tmp_path, "absolute", resume=True)
     assert again.judge(tiny(), 20)

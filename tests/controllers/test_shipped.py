@@ -30,7 +30,8 @@ def put(folder, name, network=None, **card):
 
 
 def choose(folder, **best):
-    (folder / f"{BEST}.json").write_text(json.dumps(best))
+    lists = {family: [names] if isinstance(names, str) else names for family, names in best.items()}
+    (folder / f"{BEST}.json").write_text(json.dumps(lists))
 
 
 def test_the_best_network_of_a_family_is_a_policy_with_a_card(folder):
@@ -44,6 +45,17 @@ def test_the_best_network_of_a_family_is_a_policy_with_a_card(folder):
     assert policy.card["limits"] == "none known"
     assert set(CARD) <= set(policy.card)
     assert shipped("drop_impact").card["what"] == "what of ppo_benchmark"
+
+
+def test_the_best_network_is_that_of_the_action_mode(folder):
+    put(folder, "ppo_benchmark", tiny(seed=1))
+    put(folder, "sac_benchmark", tiny(seed=2, action_mode="stable"))
+    choose(folder, dam_break=["sac_benchmark", "ppo_benchmark"])
+    assert shipped("dam_break").name == "ppo_benchmark"
+    assert shipped("dam_break", action_mode="stable").name == "sac_benchmark"
+    assert fitting("dam_break")[BEST] == "sac_benchmark"
+    with pytest.raises(ValueError, match="action_mode: expected one of absolute, stable, got 'de"):
+        shipped("dam_break", action_mode="delta")
 
 
 def test_a_network_of_choices_returns_the_one_of_most_value(folder):

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sph_gym import Effects, scenes
+from sph_gym import Effects, Simulation, scenes
+from sph_gym.controllers import TunedCfl
+from sph_gym.controllers.rules import viscous_rate
 from sph_gym.env import actions
 
 SCENE = scenes.make("dam_break", dx=0.1)
@@ -43,15 +45,64 @@ def test_toward_gets_there_in_the_end(mode):
     kind = actions.make(mode)
     wanted, present = np.array([0.5, -0.75, 1.0]), np.zeros(3)
     for _ in range(10):
-        action = kind.toward(wanted, present)
+        action = kind.toward(wanted, present, SCENE)
         assert kind.space().contains(action)
-        present = kind.act(action, present)
+        present = kind.act(action, present, SCENE)
     assert present == pytest.approx(wanted, abs=1e-6)
+
+
+def viscous(alpha=0.1, nu=None):
+    """The scene with other viscosities."""
+    effects = replace(SCENE.effects, artificial_viscosity=alpha, laminar_viscosity=nu)
+    return replace(SCENE, effects=effects)
+
+
+def stable_dt(scene, action):
+    """The step [s] and the sound speed [m/s] that a stable action asks for."""
+    there = actions.make("stable").act(np.array(action), np.zeros(3), scene)
+    controls = actions.decode(scene, there)
+    return controls.dt, scene.fluid.sound_speed(controls.stiffness)
+
+
+@given(st.floats(-1, 1), st.floats(-0.2, 1), st.sampled_from([0.0, 0.005, 0.1, 0.2]))
+def test_a_stable_step_makes_room_for_friction(step, sound, alpha):
+    scene = viscous(alpha or None)
+    dt, c = stable_dt(scene, (step, sound, 0.0))
+    low, high = actions.LOG_COURANT
+    a = math.exp(low + (step + 1) / 2 * (high - low))
+    assert 1 / dt >= 0.999 * (c / (a * scene.h) + viscous_rate(scene)) or c > 1.24 * scene.fluid.c0
+
+
+@pytest.mark.parametrize("alpha", [0.005, 0.02, 0.2])
+def test_the_tuned_rules_step_is_one_number_in_every_fluid(alpha):
+    scene, rule = viscous(alpha), TunedCfl()
+    wanted = rule.at(Simulation(scene), {"flow_speed": 0.07 * scene.fluid.c0, "max_speed": 0.0})
+    action = actions.make("stable").toward(actions.encode(scene, wanted), np.zeros(3), scene)
+    assert action[0] == pytest.approx(actions.locate(rule.courant, 1.0, 0.0)[0], abs=1e-5)
+    assert stable_dt(scene, action) == pytest.approx(
+        (wanted.dt, scene.fluid.sound_speed(wanted.stiffness)), rel=1e-5
+    )
+
+
+def test_without_friction_stable_and_absolute_actions_are_the_same():
+    scene, action = viscous(None), np.array([0.3, -0.6, 0.2])
+    absolute, stable = (actions.make(mode) for mode in ("absolute", "stable"))
+    assert stable.act(action, np.zeros(3), scene) == pytest.approx(
+        absolute.act(action, np.zeros(3), scene), abs=1e-12
+    )
+
+
+def test_a_step_below_the_lowest_multiple_is_reached_by_a_stiffer_fluid():
+    scene, a = viscous(0.6), actions.COURANT[1]
+    dt, c = stable_dt(scene, (1.0, -1.0, 0.0))
+    assert c > 1.5 * actions.SOUND[0] * scene.fluid.c0
+    assert dt * c / scene.h == pytest.approx(actions.COURANT[0])
+    assert 1 / dt == pytest.approx(c / (a * scene.h) + viscous_rate(scene))
 
 
 def test_the_middle_discrete_action_changes_nothing():
     present = np.array([0.1, -0.2, 0.3])
-    assert np.array_equal(actions.make("discrete").act(13, present), present)
+    assert np.array_equal(actions.make("discrete").act(13, present, SCENE), present)
 
 
 @pytest.mark.parametrize(
@@ -61,6 +112,7 @@ def test_the_middle_discrete_action_changes_nothing():
         ("absolute", [0, 0]),
         ("absolute", [1.5, 0, 0]),
         ("absolute", [np.inf, 0, 0]),
+        ("stable", [0, 0, np.nan]),
         ("delta", [0, 0, -1.01]),
         ("discrete", 27),
         ("discrete", -1),
@@ -69,11 +121,11 @@ def test_the_middle_discrete_action_changes_nothing():
 )
 def test_wrong_actions_are_refused(mode, action):
     with pytest.raises(ValueError, match="action: expected"):
-        actions.make(mode).act(action, np.zeros(3))
+        actions.make(mode).act(action, np.zeros(3), SCENE)
 
 
 def test_an_unknown_mode_is_refused():
-    with pytest.raises(ValueError, match="action_mode: expected one of absolute, delta"):
+    with pytest.raises(ValueError, match="action_mode: expected one of absolute, stable, delta"):
         actions.make("relative")
 
 
@@ -85,7 +137,7 @@ def test_masks_allow_every_outcome_once(xsph, factor, present):
     kind = actions.make("discrete")
 
     def outcome(action):
-        there = kind.act(action, here)
+        there = kind.act(action, here, SCENE)
         there = there if factor is None else actions.limit(there, here, factor)
         return tuple(there[: 3 if xsph else 2])
 
@@ -97,25 +149,25 @@ def test_masks_allow_every_outcome_once(xsph, factor, present):
 
 def test_moves_are_what_actions_do():
     kind = actions.make("discrete")
-    done = [kind.act(action, np.zeros(3)) / actions.STEP for action in range(27)]
+    done = [kind.act(action, np.zeros(3), SCENE) / actions.STEP for action in range(27)]
     assert np.array_equal(done, actions.MOVES)
 
 
-@pytest.mark.parametrize("mode", ["absolute", "delta"])
+@pytest.mark.parametrize("mode", ["absolute", "stable", "delta"])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_what_is_a_rounding_beyond_the_bounds_is_cut_off(mode, dtype):
     kind, present = actions.make(mode), np.zeros(3)
     beyond = np.array([1 + 1e-6, -1 - 1e-6, 0.25], dtype)
     exact = np.array([1.0, -1.0, 0.25])
-    assert np.array_equal(kind.act(beyond, present), kind.act(exact, present))
+    assert np.array_equal(kind.act(beyond, present, SCENE), kind.act(exact, present, SCENE))
 
 
-@pytest.mark.parametrize("mode", ["absolute", "delta"])
+@pytest.mark.parametrize("mode", ["absolute", "stable", "delta"])
 @pytest.mark.parametrize("beyond", [1e-5, 1e-3, 1.0])
 def test_more_than_a_rounding_is_refused(mode, beyond):
     for action in ([1 + beyond, 0, 0], [0, -1 - beyond, 0], np.float32([0, 0, 1 + beyond])):
         with pytest.raises(ValueError, match=r"3 finite numbers in \[-1, 1\]"):
-            actions.make(mode).act(action, np.zeros(3))
+            actions.make(mode).act(action, np.zeros(3), SCENE)
 
 
 def test_the_ends_of_rescaled_spaces_are_actions():
@@ -128,6 +180,6 @@ def test_the_ends_of_rescaled_spaces_are_actions():
         high = low + rng.uniform(0.1, 5)
         wrapped = gym.wrappers.RescaleAction(Box(), np.float32(low), np.float32(high))
         for end, wanted in ((wrapped.action_space.low, -1.0), (wrapped.action_space.high, 1.0)):
-            found = actions.make("absolute").act(wrapped.action(end), np.zeros(3))
+            found = actions.make("absolute").act(wrapped.action(end), np.zeros(3), SCENE)
             assert found == pytest.approx([wanted] * 3, abs=actions.ROUNDING)
             assert np.abs(found).max() <= 1.0

@@ -89,7 +89,7 @@ def test_choices_and_channels_are_those_of_the_variants(id_):
     act = env.rules.actions.act
     told = [[float(cell) for cell in row] for row in
             under(section(id_, "Action Space"), "Discrete action")]  # fmt: skip
-    assert told == [[k, *act(k, np.zeros(3))] for k in range(env.action_space.n)]
+    assert told == [[k, *act(k, np.zeros(3), None)] for k in range(env.action_space.n)]
     channels = under(section(id_, "Observation Space"), "Channel")
     assert [int(row[0]) for row in channels] == list(range(env.observation_space.shape[0]))
     low, high = env.observation_space.low, env.observation_space.high

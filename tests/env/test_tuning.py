@@ -495,9 +495,9 @@ def test_masks_leave_no_action_that_does_what_another_does():
     assert masks.shape == (27,)
     assert masks[13]
     act, present = made.rules.actions.act, made.episode.coordinates
-    allowed = {tuple(act(k, present)) for k in np.flatnonzero(masks)}
+    allowed = {tuple(act(k, present, made.episode.scene)) for k in np.flatnonzero(masks)}
     assert len(allowed) == masks.sum()
-    assert allowed == {tuple(act(k, present)) for k in range(27)}
+    assert allowed == {tuple(act(k, present, made.episode.scene)) for k in range(27)}
     plain = sph_gym.TuningEnv("dam_break", **COARSE)
     plain.reset(seed=0)
     with pytest.raises(AttributeError, match="discrete"):

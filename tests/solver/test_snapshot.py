@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, scenes
-from tests.cases import COMPILED, STIFFNESS, simulation
+from tests.cases import COMPILED, STIFFNESS, marked, simulation
 from tests.solver.test_simulation import assert_same
 
 # more than positions and velocities makes the state, or the walls move
 PLAIN = ("none", "everything", "open space", "periodic", "plates")
-WITH_MORE_STATE = [one for one in COMPILED if one[0] not in PLAIN]
+WITH_MORE_STATE = [marked(*one) for one in COMPILED if one[0] not in PLAIN]
 
 
 def go_on(sim):

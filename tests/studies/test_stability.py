@@ -41,9 +41,27 @@ def missed(name, variant):
     return [row for row in rows if not row.holds]
 
 
-# Cases that need a compiled version which no other test shares; `make test-all` runs them.
+# Cases that are slow, or need a compiled version which few tests share; `make test-all` runs them.
 COSTLY = {
     "100,000 particles",
+    "corner jet, boundary particles",
+    "dam break on an obstacle",
+    "density jump of 10",
+    "dt x 0.05",
+    "far from the origin",
+    "far from the origin, in a tank",
+    "h/dx = 1.5",
+    "h/dx = 2",
+    "h/dx = 3",
+    "h/dx = 4",
+    "high viscosity",
+    "pairing, cured by shifting",
+    "pairing, h/dx = 3.5",
+    "rotating square, clamped",
+    "rotating square, under tension",
+    "stiffness x 100",
+    "tanks of 0.5 to 5 m",
+    "thin jet on boundary particles",
     "Poiseuille flow, kick_drift_kick, summed",
     "Poiseuille flow, predictor_corrector, summed",
     "colliding patches, predictor_corrector, by continuity",

@@ -37,9 +37,6 @@ STYLES: dict[str, AgentStyle] = {
     "ppo": AgentStyle("PPO", "#009E73", "v"),
     "ppo_lagrangian": AgentStyle("Lagrangian PPO", "#1B4D3E", r"$\clubsuit$", (0, (5, 1))),
     "ppo_warm": AgentStyle("PPO after imitation", "#66C2A5", "8", "-", 2.4),
-    "ppo_warm-absolute": AgentStyle(
-        "PPO after imitation, absolute actions", "#00A087", "1", (0, (1, 1.5)), 1.6
-    ),
     "imitation": AgentStyle("imitation", "#4DAF4A", r"$\spadesuit$", (0, (2, 1))),
     "sac": AgentStyle("SAC", "#D55E00", "P"),
     "dqn": AgentStyle("DQN", "#A0522D", "h", (0, (4, 1, 1, 1))),
@@ -72,7 +69,6 @@ SENTENCES = {
     "ppo_lagrangian": "PPO that also keeps the share of steps out of tolerance below a limit, by a "
     "price on each of them.",
     "ppo_warm": "PPO that began with the network of the imitation.",
-    "ppo_warm-absolute": "the same on absolute actions, which leave no room for friction.",
     "imitation": "a small neural network that has learned the actions of a teacher, the look-ahead "
     "oracle unless said otherwise, for the states that it visits itself.",
     "sac": "a small neural network that looks at the flow in every frame, trained on training "
@@ -83,8 +79,13 @@ SENTENCES = {
 
 
 def style_of(agent: str) -> AgentStyle:
-    """Return the style of an agent; one that isn't in STYLES is grey and keeps its name."""
-    return STYLES.get(agent, AgentStyle(agent, "#777777", "p", (0, (2, 1))))
+    """Return the style of an agent; one that isn't in STYLES is grey and keeps its name.
+
+    "ppo-small" is a variant of "ppo", and its label says so.
+    """
+    base, _, variant = agent.partition("-")
+    label = f"{STYLES[base].label}, {variant}" if base in STYLES else agent
+    return STYLES.get(agent, AgentStyle(label, "#777777", "p", (0, (2, 1))))
 
 
 def sentence(agent: str) -> str:

@@ -3,6 +3,7 @@
 import gc
 import hashlib
 import sys
+import time
 import uuid
 import warnings
 from collections.abc import Callable
@@ -21,6 +22,11 @@ from numba.extending import overload, register_jitable
 from sph_gym.files import cache_home
 from sph_gym.solver import target
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # Fast math without nnan and ninf, which would delete the NaN tripwire (numba #2919, #8708), and
@@ -28,6 +34,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 FASTMATH = {"contract", "arcp", "afn", "nsz"}
 # LLVM's level of optimisation.
 OPT: Any = numba.config.OPT  # type: ignore[attr-defined]
+# How long a process waits for another that compiles the same version, and between two looks [s].
+PATIENCE, PAUSE = 120.0, 0.1
 # A C function around each helper, for other libraries to call, would be an eighth of compile time.
 OPTIONS: Any = {
     "error_model": "numpy",
@@ -175,28 +183,62 @@ def _forgiving(dispatcher: Any) -> Any:
     stored = dispatcher._cache
     stored._cache_file.save = partial(_save, stored._cache_file)
     load, save = stored.load_overload, stored.save_overload
+    locks: dict[Any, Any] = {}
 
-    def careful_load(*arguments: Any) -> Any:
-        found = None
+    def try_to_load(*arguments: Any) -> Any:
         try:
-            found = load(*arguments)
+            return load(*arguments)
         except Exception as error:  # whatever a torn file raises when it is unpickled
             _say(f"machine code in {stored.cache_path} is damaged and made anew: {error!r}")
             with suppress(OSError):
                 stored.flush()
+        return None
+
+    def careful_load(signature: Any, *arguments: Any) -> Any:
+        found = try_to_load(signature, *arguments)
+        if found is None:
+            lock = _wait_for_others(Path(stored.cache_path), f"{dispatcher.__name__} {signature}")
+            if lock is not None:
+                found = try_to_load(signature, *arguments)
+                locks[signature] = lock
+                if found is not None:
+                    locks.pop(signature).close()
         if found is None and _announcing and dispatcher.__name__ == LONGEST:
             text = "compiling the solver for this kind of scene: some 10 s, once on this machine"
             print(text, file=sys.stderr, flush=True)
         return found
 
-    def careful_save(*arguments: Any) -> None:
+    def careful_save(signature: Any, *arguments: Any) -> None:
         try:
-            save(*arguments)
+            save(signature, *arguments)
         except OSError as error:
             _say(f"machine code can't be kept in {stored.cache_path}: {error}")
+        finally:
+            if signature in locks:
+                locks.pop(signature).close()
 
     stored.load_overload, stored.save_overload = careful_load, careful_save
     return dispatcher
+
+
+def _wait_for_others(folder: Path, version: str) -> Any:
+    """Return an open file that keeps other processes from compiling the same version meanwhile.
+
+    None where there are no such locks, or if another process holds this one for too long.
+    """
+    if fcntl is None:
+        return None
+    name = hashlib.sha256(version.encode()).hexdigest()[:16]
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / f"{name}.lock").open("w")
+        for _ in range(int(PATIENCE / PAUSE)):
+            with suppress(BlockingIOError):
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return lock
+            time.sleep(PAUSE)
+        lock.close()
+    return None
 
 
 def _save(file: Any, key: Any, data: Any) -> None:

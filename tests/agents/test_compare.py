@@ -87,7 +87,7 @@ def test_every_shipped_network_fits_its_environment():
         assert path == network_of(algorithm, scene)
         env = gym.make(env_id(scene), dx=0.08)
         observation, _ = env.reset(seed=0)
-        action = build(Spec(algorithm, network=str(path)), 0)(env, observation)
+        action = build(Spec(algorithm.partition("-")[0], network=str(path)), 0)(env, observation)
         assert env.action_space.contains(action)
 
 

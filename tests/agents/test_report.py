@@ -107,6 +107,7 @@ def test_every_agent_has_a_style_of_its_own():
     for field in ("label", "colour", "marker"):
         assert len({getattr(agent, field) for agent in styles.STYLES.values()}) == len(NAMES)
     assert styles.style_of("mine").label == "mine"
+    assert styles.style_of("ppo-small").label == "PPO, small"
 
 
 @pytest.mark.parametrize("name", report.PLOTS)

@@ -29,7 +29,9 @@ def small(monkeypatch):
     common = {"learning_rate": 1e-3, "policy_kwargs": {"net_arch": [8]}}
 
     def look_up(algorithm, scene):
-        return settings[algorithm] | common
+        found = settings[algorithm]
+        mode = "discrete" if algorithm == "dqn" else "stable"
+        return found | common | {"env": {"action_mode": mode, **found.get("env", {})}}
 
     monkeypatch.setattr(training, "hyperparameters", look_up)
 

@@ -186,7 +186,7 @@ def test_two_processes_never_run_the_code_of_each_other(tmp_path, monkeypatch):
     assert file.load("of one") == "code of one"
 
 
-def test_two_processes_may_fill_one_cache_at_once(tmp_path):
+def test_of_two_processes_at_once_one_compiles(tmp_path):
     script, cache = tmp_path / "small.py", tmp_path / "cache"
     script.write_text(SMALL)
     environment = os.environ | {
@@ -205,3 +205,5 @@ def test_two_processes_may_fill_one_cache_at_once(tmp_path):
     ]
     assert [each.communicate()[0].strip() for each in both] == ["(0.0, 1.0)"] * 2
     assert run(tmp_path, cache) == "(0.0, 1.0)"
+    # one of them has compiled, the other one has waited for it
+    assert len(list(cache.rglob("*.nbc"))) == 1

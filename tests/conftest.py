@@ -24,7 +24,7 @@ from tests.left_out import LEFT_OUT
 # The run that must stay within the budget: `make test`.
 QUICK = "not slow"
 # Compiled versions of the solver, and peak memory of each worker [GB].
-MAX_VERSIONS = 66
+MAX_VERSIONS = 36
 MAX_MEMORY = 2.5
 
 settings.register_profile("suite", deadline=None, derandomize=True, max_examples=40)

@@ -34,9 +34,9 @@ class WarmArgs(TrainingArgs):
         "exported network to begin with, by default one that imitates the adaptive rule", None
     )
     courant: float = option(
-        "largest Courant multiple that the policy may ask for: with longer steps, some impacts "
-        "blow up; the tuned rule takes 0.75",
-        0.85,
+        "largest multiple of the stable step that the policy may ask for: with longer steps, "
+        "impacts blow up; the tuned rule takes 0.75",
+        1.0,
     )
     spread: tuple[float, float, float] = option(
         "standard deviations with which dt, stiffness and epsilon are explored at the start, in "

@@ -17,7 +17,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from sph_gym.controllers.rules import viscous_rate
+from sph_gym.controllers.rules import TunedCfl, viscous_rate
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
@@ -171,10 +171,10 @@ class Absolute:
 
 
 class Stable(Absolute):
-    """Absolute, but entry 0 is the Courant multiple a in 1 / dt = c / (a h) + the viscous rate.
+    """Absolute, but entry 0 is the multiple m in dt = m / (c / h + f), where f is for friction.
 
-    So it asks for an equally safe step in every fluid. The tuned rule plays a = 0.75. The viscous
-    rate is that of the scene's viscosities (`sph_gym.controllers.rules.viscous_rate`).
+    So a number asks for an equally safe step in every fluid. f is 0.75 times the viscous rate of
+    the scene (`sph_gym.controllers.rules.viscous_rate`): the tuned rule plays m = 0.75.
     """
 
     def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
@@ -183,21 +183,20 @@ class Stable(Absolute):
         Where friction asks for less than the lowest multiple dt c / h, a larger c makes the step
         that short.
         """
-        a, sound, xsph = _numbers(_box_action(action))
-        friction = _friction(scene)
-        sound = min(max(sound, friction * COURANT[0] * a / (a - COURANT[0] + TINY)), SOUND[1])
-        return locate(1 / (1 / a + friction / sound), sound, xsph)
+        multiple, sound, xsph = _numbers(_box_action(action))
+        friction, lowest = _friction(scene), COURANT[0]
+        sound = min(max(sound, friction * lowest / (multiple - lowest + TINY)), SOUND[1])
+        return locate(multiple / (1 + friction / sound), sound, xsph)
 
     def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:
         """Return the action that comes closest to wanted coordinates."""
         courant, sound, xsph = _numbers(wanted)
-        waves = max(1 / courant - _friction(scene) / sound, 1 / COURANT[1])
-        return locate(1 / waves, sound, xsph).astype(np.float32)
+        return locate(courant * (1 + _friction(scene) / sound), sound, xsph).astype(np.float32)
 
 
 def _friction(scene: Scene) -> float:
-    """Return the viscous rate in multiples of c0 / h."""
-    return viscous_rate(scene) * scene.h / scene.fluid.c0
+    """Return what friction adds to c / h in the step of a stable action, in multiples of c0 / h."""
+    return TunedCfl().courant * viscous_rate(scene) * scene.h / scene.fluid.c0
 
 
 class Delta:

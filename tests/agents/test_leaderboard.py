@@ -180,7 +180,7 @@ def test_families_that_a_learner_has_not_seen_have_a_star():
         entry("ppo-held", lambda training, family, k: 0.5 + 0.01 * k, trained_on=GAMES[:5]),
     ]
     table = zero_shot.by_family(found, scores.runs_of(found))
-    assert list(table["agent"]) == ["ppo-held"]
+    assert list(table["agent"]) == ["PPO, held"]
     assert table[GAMES[5]][0] == "0.10 [0.10, 0.10] *"
     assert table[GAMES[0]][0] == "0.10 [0.10, 0.10]"
 

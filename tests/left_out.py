@@ -1,8 +1,7 @@
-"""What `make test` leaves to `make test-all`, by the beginnings of test ids.
+"""Tests that `make test` leaves to `make test-all`, by the beginnings of their ids.
 
-They are marked `slow` in conftest.py. Each compiled version of the solver costs everybody some 15
-seconds of processor time with a cold cache: RARE are tests that need one which hardly any other
-test shares. LONG are those that take longest by themselves.
+conftest.py marks them `slow`. RARE need a compiled version of the solver that hardly any other test
+shares. LONG take longest by themselves.
 """
 
 # Scenes of which no family of environments and no larger group of tests is made.

@@ -393,7 +393,7 @@ ENVIRONMENT = {
     "scene": st.one_of(st.sampled_from(["dam_break", "mixed", "shaken_tank"]), words),
     "dx": anything,
     "instances": st.one_of(st.sampled_from(["train", "nominal"]), words),
-    "action_mode": st.one_of(st.sampled_from(["absolute", "delta", "discrete"]), words),
+    "action_mode": st.one_of(st.sampled_from(["absolute", "stable", "delta", "discrete"]), words),
     "on_blowup": words,
     "reward_weights": st.one_of(
         st.dictionaries(words.filter(str.__instancecheck__), numbers), junk
@@ -474,7 +474,7 @@ def complain(error):
     assert re.match(r"fuzzed: the (reference run|CFL rule) blew up ", str(error))
 
 
-@pytest.fixture(scope="module", params=["absolute", "delta", "discrete"])
+@pytest.fixture(scope="module", params=["absolute", "stable", "delta", "discrete"])
 def playing(request):
     env = TuningEnv("dam_break", dx=0.1, action_mode=request.param)
     env.reset(seed=0)

@@ -197,12 +197,12 @@ def _forgiving(dispatcher: Any) -> Any:
     def careful_load(signature: Any, *arguments: Any) -> Any:
         found = try_to_load(signature, *arguments)
         if found is None:
-            lock = _wait_for_others(Path(stored.cache_path), f"{dispatcher.__name__} {signature}")
-            if lock is not None:
-                found = try_to_load(signature, *arguments)
-                locks[signature] = lock
-                if found is not None:
-                    locks.pop(signature).close()
+            version = f"{dispatcher.__name__} {signature}"
+            locks[signature] = _wait_for_others(Path(stored.cache_path), version)
+            # another one may have compiled it meanwhile
+            found = try_to_load(signature, *arguments)
+            if found is not None:
+                _release(locks.pop(signature))
         if found is None and _announcing and dispatcher.__name__ == LONGEST:
             text = "compiling the solver for this kind of scene: some 10 s, once on this machine"
             print(text, file=sys.stderr, flush=True)
@@ -214,8 +214,7 @@ def _forgiving(dispatcher: Any) -> Any:
         except OSError as error:
             _say(f"machine code can't be kept in {stored.cache_path}: {error}")
         finally:
-            if signature in locks:
-                locks.pop(signature).close()
+            _release(locks.pop(signature, None))
 
     stored.load_overload, stored.save_overload = careful_load, careful_save
     return dispatcher
@@ -239,6 +238,14 @@ def _wait_for_others(folder: Path, version: str) -> Any:
             time.sleep(PAUSE)
         lock.close()
     return None
+
+
+def _release(lock: Any) -> None:
+    """Let others compile; lock: of `_wait_for_others`."""
+    if lock is not None:
+        # closing is not enough where a fork has the file too
+        fcntl.flock(lock, fcntl.LOCK_UN)
+        lock.close()
 
 
 def _save(file: Any, key: Any, data: Any) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from gymnasium import spaces
 
 from sph_gym import scenes
-from sph_gym.env import SCENES, env_id
+from sph_gym.env import SCENES, actions, env_id
 from sph_gym.env.distributions import FAMILIES
 from sph_gym.extras import progress_bar
 from sph_gym.solver.failure import CAUSES
@@ -35,11 +35,7 @@ WRONG_EVERY = 10
 COARSER, OTHER_DX = (1.0, 1.5, 2.0), 0.04
 
 IDS = (*map(env_id, (*SCENES, "mixed", "custom")),)
-VARIANTS = tuple(
-    itertools.product(
-        ("absolute", "delta", "discrete"), ("terminate", "rollback"), ("features", "field")
-    )
-)
+VARIANTS = tuple(itertools.product(actions.MODES, ("terminate", "rollback"), ("features", "field")))
 
 
 class Chunk(NamedTuple):
@@ -70,7 +66,7 @@ def _chunk(k: int, id_: str, variant: tuple[str, str, str], steps: int) -> Chunk
     arguments: dict[str, Any] = dict(
         zip(("action_mode", "on_blowup", "observation"), variant, strict=True)
     )
-    # an id has twelve variants: five and seven, which share no divisor with that, mix
+    # an id has sixteen variants: five and seven, which share no divisor with that, mix
     arguments["reward"] = "vector" if k % 5 == 1 else "scalar"
     arguments["rate_limit"] = 2.5 if k % 7 in (2, 5) else None
     if k % 5 == 3:

@@ -24,7 +24,7 @@ from tests.pairwise import pairwise
 CUSTOM = env_id("custom")
 FACTORS = {
     "id": [*map(env_id, SCENES), env_id("mixed"), CUSTOM],
-    "action_mode": ["absolute", "delta", "discrete"],
+    "action_mode": ["absolute", "stable", "delta", "discrete"],
     "render_mode": [None, "rgb_array", "human"],
     "on_blowup": ["terminate", "rollback"],
     "observation": ["features", "field", "features+context"],

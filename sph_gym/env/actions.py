@@ -17,16 +17,19 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from sph_gym.controllers.rules import TunedCfl, viscous_rate
+from sph_gym.controllers.rules import viscous_rate
 from sph_gym.solver.checks import known
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.state import Controls
 
-# Version of what actions mean, for networks: a change of any range below needs a new one.
+# Version of what actions mean, for networks: a change of any range below, of FRICTION or of the
+# viscous rate needs a new one.
 VERSION = 2
 COURANT = (0.2, 1.25)
 SOUND = (0.1, 1.25)
 XSPH = (0.0, 1.0)
+# Share of the viscous rate that a stable action makes room for, as the tuned rule does.
+FRICTION = 0.75
 LOG_COURANT, LOG_SOUND = ((math.log(low), math.log(high)) for low, high in (COURANT, SOUND))
 # How far an action may be beyond its bounds. `RescaleAction` of Gymnasium computes in single
 # precision: of 40,000 ends of random spaces within [-5, 6], 0.5 % are off by more than 1e-6, none
@@ -34,8 +37,6 @@ LOG_COURANT, LOG_SOUND = ((math.log(low), math.log(high)) for low, high in (COUR
 ROUNDING = 5e-6
 # Largest change of a coordinate in one step of the modes "delta" and "discrete".
 STEP = 0.25
-# Keeps a division by zero away.
-TINY = 1e-12
 # (27, 3) change of every coordinate by a discrete action, in multiples of STEP.
 MOVES = np.array(np.unravel_index(np.arange(27), (3, 3, 3))).T - 1
 
@@ -105,8 +106,13 @@ def _numbers(coordinates: Coordinates) -> tuple[float, float, float]:
     )
 
 
-def limit(wanted: Coordinates, present: Coordinates, factor: float) -> Coordinates:
-    """Return `wanted` with a sound speed within `factor` and 1 / factor times the present one."""
+def limit(wanted: Coordinates, present: Coordinates, factor: float | None) -> Coordinates:
+    """Return `wanted` with a sound speed within `factor` and 1 / factor times the present one.
+
+    None is no limit.
+    """
+    if factor is None:
+        return wanted
     reach = 2 * math.log(factor) / math.log(SOUND[1] / SOUND[0])
     held = wanted.copy()
     held[1] = min(max(wanted[1], present[1] - reach), present[1] + reach)
@@ -161,9 +167,11 @@ class Absolute:
         """Return Box(-1, 1, (3,), float32)."""
         return spaces.Box(-1.0, 1.0, (3,), np.float32)
 
-    def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
-        """Return the coordinates that the action asks for."""
-        return _box_action(action)
+    def act(
+        self, action: Any, present: Coordinates, scene: Scene, rate_limit: float | None = None
+    ) -> Coordinates:
+        """Return the coordinates that the action asks for, within the limit of the sound speed."""
+        return limit(_box_action(action), present, rate_limit)
 
     def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:
         """Return the action that comes closest to wanted coordinates."""
@@ -177,16 +185,19 @@ class Stable(Absolute):
     the scene (`sph_gym.controllers.rules.viscous_rate`): the tuned rule plays m = 0.75.
     """
 
-    def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
-        """Return the coordinates that the action asks for.
+    def act(
+        self, action: Any, present: Coordinates, scene: Scene, rate_limit: float | None = None
+    ) -> Coordinates:
+        """Return the coordinates that the action asks for, within the limit of the sound speed.
 
-        Where friction asks for less than the lowest multiple dt c / h, a larger c makes the step
-        that short.
+        The multiple dt c / h can't be below its range. So where friction asks for less, c rises as
+        far as m needs, for m below twice the end of the range as far as that would need.
         """
-        multiple, sound, xsph = _numbers(_box_action(action))
+        multiple, sound, xsph = _numbers(limit(_box_action(action), present, rate_limit))
         friction, lowest = _friction(scene), COURANT[0]
-        sound = min(max(sound, friction * lowest / (multiple - lowest + TINY)), SOUND[1])
-        return locate(multiple / (1 + friction / sound), sound, xsph)
+        softest = friction * lowest / (max(multiple, 2 * lowest) - lowest)
+        sound = min(max(sound, softest), SOUND[1])
+        return locate(max(multiple / (1 + friction / sound), lowest), sound, xsph)
 
     def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:
         """Return the action that comes closest to wanted coordinates."""
@@ -196,7 +207,7 @@ class Stable(Absolute):
 
 def _friction(scene: Scene) -> float:
     """Return what friction adds to c / h in the step of a stable action, in multiples of c0 / h."""
-    return TunedCfl().courant * viscous_rate(scene) * scene.h / scene.fluid.c0
+    return FRICTION * viscous_rate(scene) * scene.h / scene.fluid.c0
 
 
 class Delta:
@@ -206,9 +217,12 @@ class Delta:
         """Return Box(-1, 1, (3,), float32)."""
         return spaces.Box(-1.0, 1.0, (3,), np.float32)
 
-    def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
-        """Return the coordinates that the action asks for."""
-        return np.clip(present + STEP * _box_action(action), -1.0, 1.0)
+    def act(
+        self, action: Any, present: Coordinates, scene: Scene, rate_limit: float | None = None
+    ) -> Coordinates:
+        """Return the coordinates that the action asks for, within the limit of the sound speed."""
+        wanted = np.clip(present + STEP * _box_action(action), -1.0, 1.0)
+        return limit(wanted, present, rate_limit)
 
     def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:
         """Return the action that comes closest to wanted coordinates."""
@@ -222,9 +236,12 @@ class Discrete:
         """Return Discrete(27): 9 a + 3 b + c with a, b, c in 0, 1, 2 for the three coordinates."""
         return spaces.Discrete(27)
 
-    def act(self, action: Any, present: Coordinates, scene: Scene) -> Coordinates:
-        """Return the coordinates that the action asks for."""
-        return np.clip(present + STEP * MOVES[_choice(action)], -1.0, 1.0)
+    def act(
+        self, action: Any, present: Coordinates, scene: Scene, rate_limit: float | None = None
+    ) -> Coordinates:
+        """Return the coordinates that the action asks for, within the limit of the sound speed."""
+        wanted = np.clip(present + STEP * MOVES[_choice(action)], -1.0, 1.0)
+        return limit(wanted, present, rate_limit)
 
     def masks(
         self, present: Coordinates, useful: tuple[bool, bool, bool] = (True, True, True)

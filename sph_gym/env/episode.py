@@ -87,19 +87,21 @@ class Episode:
 
     def check(self, action: Any) -> None:
         """Raise ValueError unless the action is one."""
-        self.rules.actions.act(action, self.coordinates, self.scene)
+        self._asked(action)
 
     def act(self, action: Any) -> None:
         """Set the controls that an action asks for. Raises ValueError unless it is one."""
-        wanted = self.rules.actions.act(action, self.coordinates, self.scene)
+        wanted = self._asked(action)
         # a blow-up returns to it
         self._safe = self._keep() if self.rules.rollbacks else None
-        if self.rules.rate_limit is not None:
-            wanted = actions.limit(wanted, self.coordinates, self.rules.rate_limit)
         self.coordinates = wanted
         booked = self.sim.control_work
         self.sim.controls = actions.decode(self.scene, wanted)
         self._control_work = self.sim.control_work - booked
+
+    def _asked(self, action: Any) -> actions.Coordinates:
+        rules = self.rules
+        return rules.actions.act(action, self.coordinates, self.scene, rules.rate_limit)
 
     def conclude(self, report: Report) -> StepResult:
         """Return the result of the step, once the simulation has advanced by a frame."""

@@ -96,10 +96,10 @@ class Oracle:
         return self._as_actions(episode, start, branch.moves)
 
     def _as_actions(self, episode: Episode, start: State, moves: Any) -> list[Any]:
-        present, played, modes = start["coordinates"], [], episode.rules.actions
+        present, played, rules = start["coordinates"], [], episode.rules
         for wanted, _ in itertools.product(moves, range(self.search.hold)):
-            played.append(modes.toward(np.array(wanted), present, episode.scene))
-            present = modes.act(played[-1], present, episode.scene)
+            played.append(rules.actions.toward(np.array(wanted), present, episode.scene))
+            present = rules.actions.act(played[-1], present, episode.scene, rules.rate_limit)
         return played[: episode.n_steps - start["step"]]
 
     def _settings(self, state: State) -> list[Point]:

@@ -67,11 +67,36 @@ def stable_dt(scene, action):
 @given(st.floats(-1, 1), st.floats(-1, 1), st.sampled_from([0.0, 0.005, 0.1, 0.2]))
 def test_a_stable_step_makes_room_for_friction(step, sound, alpha):
     scene = viscous(alpha or None)
+    asked = actions.decode(scene, np.array([step, sound, 0.0]))
+    c0, c_asked = scene.fluid.c0, scene.fluid.sound_speed(asked.stiffness)
+    multiple = asked.dt * c_asked / scene.h
+    friction = actions.FRICTION * viscous_rate(scene)
     dt, c = stable_dt(scene, (step, sound, 0.0))
-    low, high = actions.LOG_COURANT
-    multiple = math.exp(low + (step + 1) / 2 * (high - low))
-    longest = multiple / (c / scene.h + 0.75 * viscous_rate(scene))
-    assert dt <= 1.001 * longest or c > 1.24 * scene.fluid.c0
+    longest = multiple / (c / scene.h + friction)
+    assert dt == pytest.approx(max(longest, actions.COURANT[0] * scene.h / c))
+    if longest >= actions.COURANT[0] * scene.h / c_asked:
+        assert c == pytest.approx(c_asked)
+    else:
+        # never stiffer than what makes waves as fast as friction
+        assert c <= max(c_asked, friction * scene.h, actions.SOUND[0] * c0) * (1 + 1e-9)
+
+
+def test_room_for_friction_is_that_of_the_tuned_rule():
+    assert actions.FRICTION == TunedCfl().courant
+
+
+@pytest.mark.parametrize("mode", ["absolute", "stable", "delta"])
+def test_a_sound_speed_that_is_held_back_keeps_the_step_as_safe(mode):
+    scene, kind = viscous(0.2), actions.make(mode)
+    low = actions.locate(0.5, actions.SOUND[0], 0.0)
+    there = kind.act(np.array([0.9, 1.0, 0.0]), low, scene, rate_limit=2.0)
+    controls = actions.decode(scene, there)
+    c = scene.fluid.sound_speed(controls.stiffness)
+    assert c <= 2.0001 * actions.SOUND[0] * scene.fluid.c0
+    if mode == "stable":
+        asked = math.exp(actions.LOG_COURANT[1] - 0.05 * np.diff(actions.LOG_COURANT)[0])
+        rate = c / scene.h + actions.FRICTION * viscous_rate(scene)
+        assert controls.dt * rate == pytest.approx(asked)
 
 
 @pytest.mark.parametrize("alpha", [0.005, 0.02, 0.2])
@@ -139,8 +164,7 @@ def test_masks_allow_every_outcome_once(xsph, factor, present):
     kind = actions.make("discrete")
 
     def outcome(action):
-        there = kind.act(action, here, SCENE)
-        there = there if factor is None else actions.limit(there, here, factor)
+        there = kind.act(action, here, SCENE, factor)
         return tuple(there[: 3 if xsph else 2])
 
     masks = kind.masks(here, actions.useful(scene, factor))

@@ -182,7 +182,7 @@ def _forgiving(dispatcher: Any) -> Any:
     """Let a compiled function do without its cache where that fails: it only saves time."""
     stored = dispatcher._cache
     stored._cache_file.save = partial(_save, stored._cache_file)
-    load, save = stored.load_overload, stored.save_overload
+    load, save, compile_it = stored.load_overload, stored.save_overload, dispatcher.compile
     locks: dict[Any, Any] = {}
 
     def try_to_load(*arguments: Any) -> Any:
@@ -201,8 +201,6 @@ def _forgiving(dispatcher: Any) -> Any:
             locks[signature] = _wait_for_others(Path(stored.cache_path), version)
             # another one may have compiled it meanwhile
             found = try_to_load(signature, *arguments)
-            if found is not None:
-                _release(locks.pop(signature))
         if found is None and _announcing and dispatcher.__name__ == LONGEST:
             text = "compiling the solver for this kind of scene: some 10 s, once on this machine"
             print(text, file=sys.stderr, flush=True)
@@ -213,10 +211,15 @@ def _forgiving(dispatcher: Any) -> Any:
             save(signature, *arguments)
         except OSError as error:
             _say(f"machine code can't be kept in {stored.cache_path}: {error}")
-        finally:
+
+    def careful_compile(signature: Any) -> Any:
+        try:
+            return compile_it(signature)
+        finally:  # also after an error or Ctrl-C
             _release(locks.pop(signature, None))
 
     stored.load_overload, stored.save_overload = careful_load, careful_save
+    dispatcher.compile = careful_compile
     return dispatcher
 
 
@@ -231,12 +234,17 @@ def _wait_for_others(folder: Path, version: str) -> Any:
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / f"{name}.lock").open("w")
-        for _ in range(int(PATIENCE / PAUSE)):
-            with suppress(BlockingIOError):
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                return lock
-            time.sleep(PAUSE)
-        lock.close()
+        held = False
+        try:
+            for _ in range(int(PATIENCE / PAUSE)):
+                with suppress(BlockingIOError):
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    held = True
+                    return lock
+                time.sleep(PAUSE)
+        finally:  # after Ctrl-C too, and where there are no locks
+            if not held:
+                lock.close()
     return None
 
 

@@ -207,3 +207,41 @@ def test_of_two_processes_at_once_one_compiles(tmp_path):
     assert run(tmp_path, cache) == "(0.0, 1.0)"
     # one of them has compiled, the other one has waited for it
     assert len(list(cache.rglob("*.nbc"))) == 1
+
+
+def test_a_compilation_that_failed_keeps_nobody_waiting(tmp_path, monkeypatch):
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
+
+    @jit.jit
+    def twice(x):
+        return 2 * x
+
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as user:
+        user.setattr(twice._compiler, "compile", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            twice(21)
+    monkeypatch.setattr(jit.time, "sleep", lambda pause: pytest.fail("it waits"))
+    assert twice(21) == 42
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no such locks on this system")
+def test_who_is_tired_of_waiting_leaves_no_open_file(tmp_path, monkeypatch):
+    asked, flock = [], jit.fcntl.flock
+
+    def ask(file, how):
+        asked.append(file)
+        flock(file, how)
+
+    def interrupted(pause):
+        raise KeyboardInterrupt
+
+    lock = jit._wait_for_others(tmp_path, "a version")
+    monkeypatch.setattr(jit.fcntl, "flock", ask)
+    monkeypatch.setattr(jit.time, "sleep", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        jit._wait_for_others(tmp_path, "a version")
+    assert [file.closed for file in asked] == [True]
+    jit._release(lock)

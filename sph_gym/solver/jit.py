@@ -57,7 +57,13 @@ def source_hash() -> str:
 
 
 class _HelperLibrary(JITCodeLibrary):
-    """Code of a helper: neither optimised nor made machine code, but kept for its callers."""
+    """Code of a helper: neither optimised nor made machine code, but kept for its callers.
+
+    alone: whether it is linked without what it calls; only entry points look deeper themselves.
+    """
+
+    alone = False
+    _whole: Any = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
@@ -66,6 +72,17 @@ class _HelperLibrary(JITCodeLibrary):
         """Take no more code; what this one calls is linked together with it."""
         self._finalize_dynamic_globals()
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """Return the code of this helper, and for functions of numba's all that it calls."""
+        module = super()._get_module_for_linking()
+        if self.alone:
+            return module
+        if self._whole is None:
+            self._whole = module.clone()
+            for called in self._linking_libraries:
+                self._whole.link_in(called._get_module_for_linking(), preserve=True)
+        return self._whole
 
     def get_pointer_to_function(self, name: str) -> int:
         """Return 0: there is nothing that could be called."""
@@ -90,7 +107,12 @@ class _EntryLibrary(JITCodeLibrary):
         found: dict[Any, None] = {}
         _collect(self, found)
         self._linking_libraries = list(found)
-        super().finalize()
+        # each helper once, not once more within every caller; compilations take turns
+        _HelperLibrary.alone = True
+        try:
+            super().finalize()
+        finally:
+            _HelperLibrary.alone = False
 
 
 def _collect(library: Any, found: dict[Any, None]) -> None:

@@ -79,10 +79,39 @@ def test_the_users_folder_comes_first(monkeypatch, tmp_path):
         assert cache_home() == tmp_path / "xdg" / "sph-gym"
 
 
-def run(folder, cache):
-    """SMALL, put into `folder`, in another interpreter, with `cache` for its cache."""
+# a function of numba's own calls helpers, three deep, that an entry point was made of before
+OWN = """
+import numba
+from sph_gym.solver.jit import jit, jitable
+
+@jitable
+def third(x):
+    return x + 1.0
+
+@jitable
+def second(x):
+    return 2.0 * third(x)
+
+@jitable
+def first(x):
+    return second(x) - 3.0
+
+@jit
+def entry(x):
+    return first(x)
+
+@numba.njit
+def own(x):
+    return 10.0 * first(x)
+
+print(entry(5.0), own(5.0))
+"""
+
+
+def run(folder, cache, program=SMALL):
+    """A program, put into `folder`, in another interpreter, with `cache` for its cache."""
     script = folder / "small.py"
-    script.write_text(SMALL)
+    script.write_text(program)
     # the tree that is tested here, wherever it is installed
     environment = os.environ | {
         "SPH_GYM_CACHE": str(cache),
@@ -102,6 +131,10 @@ def test_machine_code_goes_to_the_chosen_folder(tmp_path):
     assert run(tmp_path, tmp_path / "cache") == "(0.0, 1.0)"
     assert {path.name for path in (tmp_path / "cache" / "jit").iterdir()} == {source_hash()}
     assert list(tmp_path.glob("cache/jit/*/**/*.nbc"))
+
+
+def test_helpers_can_be_used_by_functions_of_numbas_own(tmp_path):
+    assert run(tmp_path, tmp_path / "cache", OWN) == "9.0 90.0"
 
 
 def test_without_a_folder_to_write_to_it_still_runs(tmp_path):

@@ -218,12 +218,16 @@ def _forgiving(dispatcher: Any) -> Any:
 
     def careful_load(signature: Any, *arguments: Any) -> Any:
         found = try_to_load(signature, *arguments)
+        announced = _announcing and dispatcher.__name__ == LONGEST
         if found is None:
             version = f"{dispatcher.__name__} {signature}"
-            locks[signature] = _wait_for_others(Path(stored.cache_path), version)
+            text = "another process compiles the solver for this kind of scene: waiting for it"
+            locks[signature] = _wait_for_others(
+                Path(stored.cache_path), version, text if announced else ""
+            )
             # another one may have compiled it meanwhile
             found = try_to_load(signature, *arguments)
-        if found is None and _announcing and dispatcher.__name__ == LONGEST:
+        if found is None and announced:
             text = "compiling the solver for this kind of scene: some 10 s, once on this machine"
             print(text, file=sys.stderr, flush=True)
         return found
@@ -245,24 +249,27 @@ def _forgiving(dispatcher: Any) -> Any:
     return dispatcher
 
 
-def _wait_for_others(folder: Path, version: str) -> Any:
-    """Return an open file that keeps other processes from compiling the same version meanwhile.
+def _wait_for_others(folder: Path, what: str, text: str = "") -> Any:
+    """Return an open file that keeps other processes from doing the same meanwhile.
 
+    what: a version to compile, or an index to write; text: printed to stderr if a wait begins.
     None where there are no such locks, or if another process holds this one for too long.
     """
     if fcntl is None:
         return None
-    name = hashlib.sha256(version.encode()).hexdigest()[:16]
+    name = hashlib.sha256(what.encode()).hexdigest()[:16]
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / f"{name}.lock").open("w")
         held = False
         try:
-            for _ in range(int(PATIENCE / PAUSE)):
+            for attempt in range(int(PATIENCE / PAUSE)):
                 with suppress(BlockingIOError):
                     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     held = True
                     return lock
+                if text and attempt == 0:
+                    print(text, file=sys.stderr, flush=True)
                 time.sleep(PAUSE)
         finally:  # after Ctrl-C too, and where there are no locks
             if not held:
@@ -271,7 +278,7 @@ def _wait_for_others(folder: Path, version: str) -> Any:
 
 
 def _release(lock: Any) -> None:
-    """Let others compile; lock: of `_wait_for_others`."""
+    """Let others go on; lock: of `_wait_for_others`."""
     if lock is not None:
         # closing is not enough where a fork has the file too
         fcntl.flock(lock, fcntl.LOCK_UN)
@@ -279,15 +286,21 @@ def _release(lock: Any) -> None:
 
 
 def _save(file: Any, key: Any, data: Any) -> None:
-    """Keep machine code under a name that no other process can choose.
+    """Keep machine code under a random name, which no other process takes.
 
     Numba numbers the files by what its index holds. Two processes that compile two versions at
     once take the same number, and one then runs the code of the other: a crash, or wrong numbers.
+    Both write the index, so they take turns, else it would lose what one of them has added.
     """
     name = file._data_name(uuid.uuid4().int)
     file._save_data(name, data)
     # only now: the index must not name a file that isn't there
-    file._save_index(file._load_index() | {key: name})
+    index = Path(file._index_path)
+    lock = _wait_for_others(index.parent, index.name)
+    try:
+        file._save_index(file._load_index() | {key: name})
+    finally:
+        _release(lock)
 
 
 def _say(text: str) -> None:

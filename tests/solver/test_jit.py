@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numba
@@ -278,3 +279,55 @@ def test_who_is_tired_of_waiting_leaves_no_open_file(tmp_path, monkeypatch):
         jit._wait_for_others(tmp_path, "a version")
     assert [file.closed for file in asked] == [True]
     jit._release(lock)
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no such locks on this system")
+def test_two_who_finish_at_once_both_keep_what_they_made(tmp_path, monkeypatch):
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
+
+    @jit.jit
+    def twice(x):
+        return 2 * x
+
+    file = twice._cache._cache_file
+    other = threading.Thread(target=file.save, args=("of another", "code of another"))
+    load = file._load_index
+
+    def slowly():
+        found = load()
+        if threading.current_thread() is not other:
+            other.start()
+            # long enough for the other one to have written, unless it has to wait
+            other.join(0.3)
+        return found
+
+    monkeypatch.setattr(file, "_load_index", slowly)
+    file.save("of one", "code of one")
+    other.join()
+    monkeypatch.undo()
+    assert file.load("of one") == "code of one"
+    assert file.load("of another") == "code of another"
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no such locks on this system")
+@pytest.mark.parametrize("announcing", [False, True])
+def test_a_wait_for_another_process_is_announced(tmp_path, monkeypatch, capsys, announcing):
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
+    monkeypatch.setattr(jit, "_announcing", announcing)
+
+    @jit.jit
+    def advance(x):
+        return 2 * x
+
+    # what the other one holds, until it is waited for
+    wait, held = jit._wait_for_others, []
+
+    def wait_twice(*arguments):
+        held.append(wait(*arguments))
+        return wait(*arguments)
+
+    monkeypatch.setattr(jit, "_wait_for_others", wait_twice)
+    monkeypatch.setattr(jit.time, "sleep", lambda pause: jit._release(held.pop()))
+    assert advance(21) == 42
+    shown = capsys.readouterr().err.splitlines()
+    assert [line.partition(" ")[0] for line in shown] == ["another", "compiling"] * announcing

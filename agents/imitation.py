@@ -9,6 +9,7 @@ repeated. Sources: Ross et al. 2011, DAgger; Kelly et al. 2019, where the teache
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -53,9 +54,9 @@ class ImitationArgs(BackendArgs):
         """Folder of everything that the imitation writes."""
         return self.output / f"imitation_{self.scene}_seed{self.seed}"
 
-    @property
+    @cached_property
     def settings(self) -> dict[str, Any]:
-        """Hyperparameters, among them the kind of the actions that are learned."""
+        """Hyperparameters, read once, among them the kind of the actions that are learned."""
         return hyperparameters("imitation", self.scene)
 
 

@@ -4,6 +4,7 @@ import copy
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -82,20 +83,24 @@ class Training:
             args.n_envs,
             scene=args.scene,
             instances="train",
-            **self.hyperparameters()["env"],
+            **self.hyperparameters["env"],
         )
         envs.seed(args.seed)
         return envs
 
+    @cached_property
     def hyperparameters(self) -> dict[str, Any]:
-        """Return those of the YAML file, or of the trial; "env" has those of the environments."""
+        """Those of the YAML file, or of the trial; "env" has those of the environments.
+
+        Read once: who edits the file meanwhile means the next training.
+        """
         found = hyperparameters(self.algorithm, self.args.scene)
         return found if self.trial is None else replaced(found, self.trial.settings)
 
     @property
     def action_mode(self) -> str:
         """Kind of the actions that it learns."""
-        return self.hyperparameters()["env"]["action_mode"]
+        return self.hyperparameters["env"]["action_mode"]
 
     def plain(self, model: Any) -> Network:
         """Return a model as a plain network."""
@@ -103,7 +108,7 @@ class Training:
 
     def settings(self) -> dict[str, Any]:
         """Return the arguments of a new model; its learning rate falls linearly to zero."""
-        found = self.hyperparameters()
+        found = copy.deepcopy(self.hyperparameters)
         del found["env"]
         return found | {
             "learning_rate": linear(found["learning_rate"]),

@@ -10,9 +10,11 @@ import pandas as pd
 import pytest
 
 pytest.importorskip("stable_baselines3")
+import yaml
 
 from agents import training
 from agents.checkpoints import newest_checkpoint
+from agents.imitation import ImitationArgs
 from agents.policies import Spec, build
 from sph_gym.env import env_id
 
@@ -103,6 +105,39 @@ def test_nothing_to_resume_is_said(tmp_path):
 def test_hyperparameters_fall_back_to_the_default(algorithm):
     named = training.hyperparameters(algorithm, "dam_break")
     assert set(training.hyperparameters(algorithm, "relaxation")) == set(named)
+
+
+@pytest.fixture
+def table(tmp_path, monkeypatch):
+    """Writes the table of an algorithm, which takes the place of the real one."""
+
+    def write(algorithm, **entries):
+        path = tmp_path / "hyperparams" / f"{algorithm}.yml"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(yaml.safe_dump(entries))
+
+    monkeypatch.setattr(training, "FOLDER", tmp_path)
+    return write
+
+
+def test_an_edited_table_is_for_the_next_training(table):
+    entry = {"env": {"action_mode": "stable"}, "learning_rate": 1e-3, "policy_kwargs": {}}
+    table("ppo", default=entry)
+    one = training.Training("ppo", training.TrainingArgs(), export=None)
+    # a learner may add to what it is given
+    one.settings()["policy_kwargs"]["added"] = 1
+    table("ppo", default=entry | {"env": {"action_mode": "absolute"}, "gamma": 0.9})
+    assert one.action_mode == "stable"
+    assert "gamma" not in one.settings()
+    assert one.settings()["policy_kwargs"] == {}
+
+
+def test_an_edited_table_is_for_the_next_imitation(table):
+    table("imitation", default={"action_mode": "stable"})
+    args = ImitationArgs()
+    assert args.settings["action_mode"] == "stable"
+    table("imitation", default={"action_mode": "absolute"})
+    assert args.settings["action_mode"] == "stable"
 
 
 def test_the_last_batch_does_not_undo_what_was_learned():

@@ -16,10 +16,12 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList, Check
 from agents.arguments import option
 from agents.checkpoints import newest_checkpoint
 from agents.exports import checked_export
-from agents.validation import Validation, ValidationCallback, validation_ids
+from agents.validation import NETWORK, Validation, ValidationCallback, validation_ids
 from sph_gym.controllers import Network
 from sph_gym.controllers.network import shipped_network
 from sph_gym.env import env_id
+from sph_gym.env.layouts import action_layout, observation_layout
+from sph_gym.env.rules import Rules
 from sph_gym.env.stable_baselines import TuningVecEnv
 
 FOLDER = Path(__file__).parent
@@ -120,9 +122,11 @@ class Training:
     def checkpoint(self) -> Path:
         """Return the newest complete checkpoint, which is a pickle.
 
-        Raises FileNotFoundError if there is none, ValueError unless it is to be trusted.
+        Raises FileNotFoundError if there is none, ValueError unless it is to be trusted and was
+        made with the same layouts.
         """
         path = newest_checkpoint(self.folder)
+        self._check_layouts()
         if not self.args.trust_checkpoints:
             raise ValueError(
                 f"trust_checkpoints: expected True to load {path}: Stable-Baselines3 files are "
@@ -130,6 +134,23 @@ class Training:
                 "networks (.npz) hold numbers only"
             )
         return path
+
+    def _check_layouts(self) -> None:
+        """Raise ValueError if the network that is there has other layouts than this training.
+
+        Spaces don't tell: those of "absolute", "stable" and "delta" are equal.
+        """
+        path, mode = self.folder / NETWORK, self.action_mode
+        if not path.exists():
+            return
+        kept = Network.load(path)
+        found = kept.observation, kept.action
+        wanted = observation_layout(Rules(action_mode=mode)), action_layout(mode)
+        if found != wanted:
+            raise ValueError(
+                f"resume: expected a training with layouts {wanted}, as hyperparams/"
+                f"{self.algorithm}.yml has them now, got one with {found} ({path})"
+            )
 
     def learn(self, model: BaseAlgorithm, more: Sequence[BaseCallback] = ()) -> None:
         """Train, and export the best model; Ctrl-C ends the training and still exports.

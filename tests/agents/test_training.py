@@ -14,7 +14,8 @@ import yaml
 
 from agents import training
 from agents.checkpoints import newest_checkpoint
-from agents.imitation import ImitationArgs
+from agents.exports import plain_network
+from agents.imitation import ImitationArgs, perceptron
 from agents.policies import Spec, build
 from sph_gym.env import env_id
 
@@ -138,6 +139,23 @@ def test_an_edited_table_is_for_the_next_imitation(table):
     assert args.settings["action_mode"] == "stable"
     table("imitation", default={"action_mode": "absolute"})
     assert args.settings["action_mode"] == "stable"
+
+
+@pytest.mark.parametrize("kept", ["stable", "absolute"])
+def test_a_training_goes_on_with_the_actions_that_it_began_with(tmp_path, table, kept):
+    table("ppo", default={"env": {"action_mode": "stable"}})
+    args = training.TrainingArgs(output=tmp_path, resume=True, trust_checkpoints=True)
+    one = training.Training("ppo", args, export=None)
+    path = one.folder / "checkpoints" / "ppo_64_steps.zip"
+    path.parent.mkdir(parents=True)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("data", b"model")
+    plain_network(perceptron(5, [4], 3), "clip", kept).save(one.folder / "network.npz")
+    if kept == "stable":
+        assert one.checkpoint() == path
+        return
+    with pytest.raises(ValueError, match=r"resume: expected .*'stable v\d'.* got .*'absolute v\d'"):
+        one.checkpoint()
 
 
 def test_the_last_batch_does_not_undo_what_was_learned():

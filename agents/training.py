@@ -19,10 +19,11 @@ from agents.exports import checked_export
 from agents.validation import NETWORK, Validation, ValidationCallback, validation_ids
 from sph_gym.controllers import Network
 from sph_gym.controllers.network import shipped_network
-from sph_gym.env import env_id
+from sph_gym.env import actions, env_id
 from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.rules import Rules
 from sph_gym.env.stable_baselines import TuningVecEnv
+from sph_gym.solver.checks import known
 
 FOLDER = Path(__file__).parent
 
@@ -204,9 +205,24 @@ class Training:
 
 
 def hyperparameters(algorithm: str, scene: str) -> dict[str, Any]:
-    """Return the YAML entry of an environment id, or the default one."""
+    """Return those of an environment id; what its YAML entry doesn't name comes from `default`.
+
+    Raises ValueError for an unknown kind of actions.
+    """
     table = yaml.safe_load((FOLDER / "hyperparams" / f"{algorithm}.yml").read_text())
-    return dict(table.get(env_id(scene), table["default"]))
+    found = merged(table["default"], table.get(env_id(scene), {}))
+    known("action_mode", found.get("env", found).get("action_mode"), actions.MODES)
+    return found
+
+
+def merged(default: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """Return settings, those of groups as well, from `default` where `own` doesn't name them."""
+    groups = {
+        name: merged(default[name], value)
+        for name, value in own.items()
+        if isinstance(value, dict) and isinstance(default.get(name), dict)
+    }
+    return default | own | groups
 
 
 def replaced(settings: dict[str, Any], others: dict[str, Any]) -> dict[str, Any]:

@@ -141,6 +141,25 @@ def test_an_edited_table_is_for_the_next_imitation(table):
     assert args.settings["action_mode"] == "stable"
 
 
+def test_what_an_id_does_not_name_comes_from_default(table):
+    default = {"env": {"action_mode": "stable", "rate_limit": 2.0}, "gamma": 0.9, "n_steps": 8}
+    own = {"env": {"rate_limit": 3.0}, "gamma": 0.8}
+    table("ppo", default=default, **{env_id("dam_break"): own})
+    assert training.hyperparameters("ppo", "dam_break") == {
+        "env": {"action_mode": "stable", "rate_limit": 3.0},
+        "gamma": 0.8,
+        "n_steps": 8,
+    }
+    assert training.hyperparameters("ppo", "relaxation") == default
+
+
+@pytest.mark.parametrize("env", [{"env": {"action_mode": "stabel"}}, {"action_mode": "stabel"}, {}])
+def test_an_unknown_kind_of_actions_is_refused(table, env):
+    table("ppo", default={"gamma": 0.9} | env)
+    with pytest.raises(ValueError, match=r"action_mode: expected one of absolute, .*, got"):
+        training.hyperparameters("ppo", "dam_break")
+
+
 @pytest.mark.parametrize("kept", ["stable", "absolute"])
 def test_a_training_goes_on_with_the_actions_that_it_began_with(tmp_path, table, kept):
     table("ppo", default={"env": {"action_mode": "stable"}})

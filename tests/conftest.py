@@ -32,6 +32,8 @@ settings.load_profile("suite")
 
 # In a worker, by signature: the file whose tests were the first to need that version.
 _versions: dict[str, str] = {}
+# In a worker: the ids of all tests that were collected, also of those that are not run.
+_collected: list[str] = []
 # In a worker: what the next test is to report.
 _faults: list[str] = []
 # In the controller: one entry a worker.
@@ -49,6 +51,7 @@ def pytest_collection_modifyitems(items):
 
     Else two workers compile one version at once.
     """
+    _collected[:] = [item.nodeid for item in items]
     cases: Counter[str] = Counter()
     for item in items:
         if item.nodeid.startswith(LEFT_OUT):
@@ -60,6 +63,12 @@ def pytest_collection_modifyitems(items):
                 item.add_marker(pytest.mark.slow)
             cases[name] += 1
     items.sort(key=_configuration)
+
+
+@pytest.fixture
+def collected():
+    """Return the ids of all tests that were collected, also of those that are not run."""
+    return _collected
 
 
 def _configuration(item):

@@ -57,7 +57,7 @@ def pytest_collection_modifyitems(items):
         if item.nodeid.startswith(LEFT_OUT):
             item.add_marker(pytest.mark.slow)
         mark = item.get_closest_marker("every")
-        if mark is not None:
+        if mark is not None and item.get_closest_marker("slow") is None:
             name = item.nodeid.partition("[")[0]
             if cases[name] % mark.args[0]:
                 item.add_marker(pytest.mark.slow)

@@ -167,7 +167,6 @@ def again(folder, cache):
     return done.stdout.strip(), done.stderr
 
 
-@pytest.mark.every(3)
 @pytest.mark.parametrize(("kind", "content"), [("nbi", b""), ("nbc", None)])
 def test_damaged_machine_code_is_made_anew_with_a_warning(tmp_path, kind, content):
     cache = tmp_path / "cache"

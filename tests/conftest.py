@@ -40,9 +40,16 @@ _faults: list[str] = []
 _workers: list[dict] = []
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config):
-    """Return the workers: more than processors, so that each has few versions in its memory."""
-    return (os.cpu_count() or 1) if numba_config.DISABLE_JIT else 3 * most_threads() + 1
+    """Return the workers: more than processors, so that each has few versions in its memory.
+
+    Where nothing is compiled, as many as processors that this process may use.
+    """
+    if not numba_config.DISABLE_JIT:
+        return 3 * most_threads() + 1
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from dataclasses import MISSING, dataclass, field, fields
+from itertools import pairwise
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -35,8 +36,10 @@ class BackendArgs:
 
 def program() -> str:
     """Return how this program was called: as a module, or by `sph-gym agents`."""
-    called = Path(sys.argv[0])
-    return f"python -m agents.{called.stem}" if called.suffix else f"sph-gym agents {called.stem}"
+    name = Path(sys.argv[0]).stem
+    # `sph-gym agents` leaves the file of the module in sys.argv, as `python -m` does
+    by_command = ("agents", name) in pairwise(sys.orig_argv)
+    return f"sph-gym agents {name}" if by_command else f"python -m agents.{name}"
 
 
 def parse(

@@ -9,6 +9,7 @@ repeated. Sources: Ross et al. 2011, DAgger; Kelly et al. 2019, where the teache
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,16 @@ from agents.lessons import TEACHERS, Lesson
 from agents.training import hyperparameters
 from agents.validation import RETURN, Validation, validation_ids
 from sph_gym.controllers import Network
+from sph_gym.env.actions import MODES
 from sph_gym.env.instances import SIZES
 from sph_gym.env.selection import members
 from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import known, whole
 from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
+
+# Kinds of actions that a network can learn by their distance to the teacher's.
+CONTINUOUS = tuple(mode for mode in MODES if mode != "discrete")
 
 
 @dataclass
@@ -42,21 +47,26 @@ class ImitationArgs(BackendArgs):
     seed: int = option("seed of everything", 0)
     output: Path = option("folder of lessons and networks; lessons are kept", Path("runs"))
     n_evaluations: int = option("validation episodes on each scene, after every round", 4)
+    action_mode: str | None = option(
+        f"one of {', '.join(CONTINUOUS)}; by default that of hyperparams/imitation.yml", None
+    )
 
     def __post_init__(self) -> None:
         known("teacher", self.teacher, TEACHERS)
         whole("rounds", self.rounds, at_least=1)
         whole("lessons", self.lessons, at_least=1)
+        known("action_mode", self.settings["action_mode"], CONTINUOUS)
 
     @property
     def folder(self) -> Path:
         """Folder of everything that the imitation writes."""
         return self.output / f"imitation_{self.scene}_seed{self.seed}"
 
-    @property
+    @cached_property
     def settings(self) -> dict[str, Any]:
-        """Hyperparameters, among them the kind of the actions that are learned."""
-        return hyperparameters("imitation", self.scene)
+        """Hyperparameters, read once, among them the kind of the actions that are learned."""
+        found = hyperparameters("imitation", self.scene)
+        return found if self.action_mode is None else found | {"action_mode": self.action_mode}
 
 
 def train(args: ImitationArgs) -> None:

@@ -23,7 +23,7 @@ from agents.training import Training, TrainingArgs
 from agents.validation import NETWORK
 from sph_gym.controllers import Network
 from sph_gym.env import actions
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import in_range, known, positive
 
 
 @dataclass(kw_only=True)
@@ -51,11 +51,11 @@ class WarmArgs(TrainingArgs):
             positive("spread", value)
 
 
-def imitate(args: WarmArgs) -> Path:
+def imitate(args: WarmArgs, action_mode: str) -> Path:
     """Return a network that imitates the adaptive rule; its lessons are kept."""
     lessons = ImitationArgs(
         scene=args.scene, teacher="adaptive", rounds=3, lessons=6, seed=args.seed,
-        output=args.output, n_evaluations=1,
+        output=args.output, n_evaluations=1, action_mode=action_mode,
     )  # fmt: skip
     imitation.train(lessons)
     return lessons.folder / NETWORK
@@ -113,7 +113,9 @@ class Hold(BaseCallback):
 def train(args: WarmArgs) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
     training = Training("ppo_warm", args, export)
-    start = None if args.resume else args.start or imitate(args)
+    # before minutes of lessons; `courant` needs actions that say how long a step is
+    mode = known("action_mode", training.action_mode, ("absolute", "stable"))
+    start = None if args.resume else args.start or imitate(args, mode)
     envs = training.make_envs()
     highest = np.array([actions.locate(args.courant, 1.0, 0.0)[0], 1.0, 1.0], np.float32)
     envs.action_space = spaces.Box(-1.0, highest, dtype=np.float32)
@@ -121,7 +123,7 @@ def train(args: WarmArgs) -> None:
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")
     else:
         model = PPO("MlpPolicy", envs, **training.settings())
-        begin_with(model, Network.load(start), training.action_mode)
+        begin_with(model, Network.load(start), mode)
         explore(model, args.spread)
     training.learn(model, [Hold(args.held)])
     envs.close()

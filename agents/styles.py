@@ -79,13 +79,18 @@ SENTENCES = {
 
 
 def style_of(agent: str) -> AgentStyle:
-    """Return the style of an agent; one that isn't in STYLES is grey and keeps its name.
+    """Return the style of an agent; one of your own is grey and keeps its name.
 
-    "ppo-small" is a variant of "ppo", and its label says so.
+    "ppo-small" is a variant of "ppo": its label says so, and its colour is lighter.
     """
     base, _, variant = agent.partition("-")
-    label = f"{STYLES[base].label}, {variant}" if base in STYLES else agent
-    return STYLES.get(agent, AgentStyle(label, "#777777", "p", (0, (2, 1))))
+    if base not in STYLES:
+        return AgentStyle(agent, "#777777", r"$\heartsuit$", (0, (1, 3)))
+    own = STYLES[base]
+    if not variant:
+        return own
+    lighter = "#" + "".join(f"{(int(own.colour[k : k + 2], 16) + 255) // 2:02X}" for k in (1, 3, 5))
+    return own._replace(label=f"{own.label}, {variant}", colour=lighter, line=(0, (2, 2)))
 
 
 def sentence(agent: str) -> str:

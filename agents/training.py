@@ -4,6 +4,7 @@ import copy
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,11 +16,14 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList, Check
 from agents.arguments import option
 from agents.checkpoints import newest_checkpoint
 from agents.exports import checked_export
-from agents.validation import Validation, ValidationCallback, validation_ids
+from agents.validation import NETWORK, Validation, ValidationCallback, validation_ids
 from sph_gym.controllers import Network
 from sph_gym.controllers.network import shipped_network
-from sph_gym.env import env_id
+from sph_gym.env import actions, env_id
+from sph_gym.env.layouts import action_layout, observation_layout
+from sph_gym.env.rules import Rules
 from sph_gym.env.stable_baselines import TuningVecEnv
+from sph_gym.solver.checks import known
 
 FOLDER = Path(__file__).parent
 
@@ -82,20 +86,24 @@ class Training:
             args.n_envs,
             scene=args.scene,
             instances="train",
-            **self.hyperparameters()["env"],
+            **self.hyperparameters["env"],
         )
         envs.seed(args.seed)
         return envs
 
+    @cached_property
     def hyperparameters(self) -> dict[str, Any]:
-        """Return those of the YAML file, or of the trial; "env" has those of the environments."""
+        """Those of the YAML file, or of the trial; "env" has those of the environments.
+
+        Read once: who edits the file meanwhile means the next training.
+        """
         found = hyperparameters(self.algorithm, self.args.scene)
         return found if self.trial is None else replaced(found, self.trial.settings)
 
     @property
     def action_mode(self) -> str:
         """Kind of the actions that it learns."""
-        return self.hyperparameters()["env"]["action_mode"]
+        return self.hyperparameters["env"]["action_mode"]
 
     def plain(self, model: Any) -> Network:
         """Return a model as a plain network."""
@@ -103,7 +111,7 @@ class Training:
 
     def settings(self) -> dict[str, Any]:
         """Return the arguments of a new model; its learning rate falls linearly to zero."""
-        found = self.hyperparameters()
+        found = copy.deepcopy(self.hyperparameters)
         del found["env"]
         return found | {
             "learning_rate": linear(found["learning_rate"]),
@@ -115,9 +123,11 @@ class Training:
     def checkpoint(self) -> Path:
         """Return the newest complete checkpoint, which is a pickle.
 
-        Raises FileNotFoundError if there is none, ValueError unless it is to be trusted.
+        Raises FileNotFoundError if there is none, ValueError unless it is to be trusted and was
+        made with the same layouts.
         """
         path = newest_checkpoint(self.folder)
+        self._check_layouts()
         if not self.args.trust_checkpoints:
             raise ValueError(
                 f"trust_checkpoints: expected True to load {path}: Stable-Baselines3 files are "
@@ -125,6 +135,23 @@ class Training:
                 "networks (.npz) hold numbers only"
             )
         return path
+
+    def _check_layouts(self) -> None:
+        """Raise ValueError if the network that is there has other layouts than this training.
+
+        Spaces don't tell: those of "absolute", "stable" and "delta" are equal.
+        """
+        path, mode = self.folder / NETWORK, self.action_mode
+        if not path.exists():
+            return
+        kept = Network.load(path)
+        found = kept.observation, kept.action
+        wanted = observation_layout(Rules(action_mode=mode)), action_layout(mode)
+        if found != wanted:
+            raise ValueError(
+                f"resume: expected a training with layouts {wanted}, as hyperparams/"
+                f"{self.algorithm}.yml has them now, got one with {found} ({path})"
+            )
 
     def learn(self, model: BaseAlgorithm, more: Sequence[BaseCallback] = ()) -> None:
         """Train, and export the best model; Ctrl-C ends the training and still exports.
@@ -178,9 +205,24 @@ class Training:
 
 
 def hyperparameters(algorithm: str, scene: str) -> dict[str, Any]:
-    """Return the YAML entry of an environment id, or the default one."""
+    """Return those of an environment id; what its YAML entry doesn't name comes from `default`.
+
+    Raises ValueError for an unknown kind of actions.
+    """
     table = yaml.safe_load((FOLDER / "hyperparams" / f"{algorithm}.yml").read_text())
-    return dict(table.get(env_id(scene), table["default"]))
+    found = merged(table["default"], table.get(env_id(scene), {}))
+    known("action_mode", found.get("env", found).get("action_mode"), actions.MODES)
+    return found
+
+
+def merged(default: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:
+    """Return settings, those of groups as well, from `default` where `own` doesn't name them."""
+    groups = {
+        name: merged(default[name], value)
+        for name, value in own.items()
+        if isinstance(value, dict) and isinstance(default.get(name), dict)
+    }
+    return default | own | groups
 
 
 def replaced(settings: dict[str, Any], others: dict[str, Any]) -> dict[str, Any]:

@@ -32,15 +32,24 @@ settings.load_profile("suite")
 
 # In a worker, by signature: the file whose tests were the first to need that version.
 _versions: dict[str, str] = {}
+# In a worker: the ids of all tests that were collected, also of those that are not run.
+_collected: list[str] = []
 # In a worker: what the next test is to report.
 _faults: list[str] = []
 # In the controller: one entry a worker.
 _workers: list[dict] = []
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config):
-    """Return the workers: more than processors, so that each has few versions in its memory."""
-    return (os.cpu_count() or 1) if numba_config.DISABLE_JIT else 3 * most_threads() + 1
+    """Return the workers: more than processors, so that each has few versions in its memory.
+
+    Where nothing is compiled, as many as processors that this process may use.
+    """
+    if not numba_config.DISABLE_JIT:
+        return 3 * most_threads() + 1
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -49,17 +58,24 @@ def pytest_collection_modifyitems(items):
 
     Else two workers compile one version at once.
     """
+    _collected[:] = [item.nodeid for item in items]
     cases: Counter[str] = Counter()
     for item in items:
         if item.nodeid.startswith(LEFT_OUT):
             item.add_marker(pytest.mark.slow)
         mark = item.get_closest_marker("every")
-        if mark is not None:
+        if mark is not None and item.get_closest_marker("slow") is None:
             name = item.nodeid.partition("[")[0]
             if cases[name] % mark.args[0]:
                 item.add_marker(pytest.mark.slow)
             cases[name] += 1
     items.sort(key=_configuration)
+
+
+@pytest.fixture
+def collected():
+    """Return the ids of all tests that were collected, also of those that are not run."""
+    return _collected
 
 
 def _configuration(item):

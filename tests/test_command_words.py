@@ -151,6 +151,16 @@ def test_programs_of_a_clone_are_commands(tmp_path):
     assert "did you mean 'hello'" in refused.stderr
 
 
+def test_a_program_names_itself_as_it_was_called():
+    shown = agents(ROOT, "random_agent", "--help").stdout
+    assert shown.startswith("usage: sph-gym agents random_agent [-h]")
+    done = subprocess.run(
+        [sys.executable, "-m", "agents.random_agent", "--help"], cwd=ROOT, capture_output=True,
+        text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.startswith("usage: python -m agents.random_agent [-h]")
+
+
 def test_the_agents_of_this_clone_are_listed():
     listed = agents(ROOT).stdout
     for name in ("compare", "grid_search", "record"):

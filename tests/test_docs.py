@@ -44,20 +44,30 @@ CODE = re.compile(r"`([^`\n]+)`")
 
 
 class Block(NamedTuple):
-    """A fenced block: its page, its language and its text."""
+    """A fenced block: its page, the heading that it stands under, its language and its text."""
 
     page: str
+    heading: str
     language: str
     text: str
 
 
-BLOCKS = [Block(page, *found) for page, text in PAGES.items() for found in BLOCK.findall(text)]
+def blocks(page):
+    """Yield the blocks of a page."""
+    text = PAGES[page]
+    for found in BLOCK.finditer(text):
+        *_, heading = re.findall(r"^#+ (.+)$", BLOCK.sub("", text[: found.start()]), re.MULTILINE)
+        yield Block(page, heading, *found.groups())
+
+
+BLOCKS = [block for page in PAGES for block in blocks(page)]
 # Pages whose blocks are one program.
 TUTORIALS = ("docs/own_scene.md",)
 PROGRAMS = [b for b in BLOCKS if b.language == "python" and not FILE.match(b.text)]
 for page in TUTORIALS:
     parts = [b.text for b in PROGRAMS if b.page == page]
-    PROGRAMS = [b for b in PROGRAMS if b.page != page] + [Block(page, "python", "\n".join(parts))]
+    whole = Block(page, "all of it", "python", "\n".join(parts))
+    PROGRAMS = [b for b in PROGRAMS if b.page != page] + [whole]
 SHELL = [line.split("#")[0].strip() for b in BLOCKS if b.language == "sh"
          for line in b.text.splitlines()]  # fmt: skip
 INLINE = [code for text in PAGES.values() for code in CODE.findall(BLOCK.sub("", text))]
@@ -99,7 +109,7 @@ def options(*words):
 # --- Programs and commands ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=[f"{b.page}-{k}" for k, b in enumerate(PROGRAMS)])
+@pytest.mark.parametrize("program", PROGRAMS, ids=[f"{b.page}, {b.heading}" for b in PROGRAMS])
 def test_every_program_runs(program, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     exec(compile(program.text, program.page, "exec"), {"__name__": "__main__"})

@@ -8,6 +8,9 @@ from tests.left_out import LEFT_OUT
 
 
 @pytest.mark.parametrize("beginning", LEFT_OUT)
-def test_it_is_there(beginning):
-    path, _, name = beginning.partition("::")
-    assert f"def {name.partition('[')[0]}" in Path(path).read_text()
+def test_it_is_there(beginning, collected):
+    path = beginning.partition("::")[0]
+    assert Path(path).exists()
+    if not any(name.startswith(f"{path}::") for name in collected):
+        pytest.skip("this file was not collected")
+    assert any(name.startswith(beginning) for name in collected)

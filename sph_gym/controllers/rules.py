@@ -99,7 +99,7 @@ class TunedCfl:
 
 
 def viscous_rate(scene: Scene) -> float:
-    """Return the rate [1/s] at which viscosity alone lets a time step be 1 over it."""
+    """Return 1 / dt [1/s] of the longest step that viscosity alone allows."""
     h = scene.h
     nu = scene.effects.laminar_viscosity or 0.0
     alpha = scene.effects.artificial_viscosity or 0.0

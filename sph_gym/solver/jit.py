@@ -57,7 +57,13 @@ def source_hash() -> str:
 
 
 class _HelperLibrary(JITCodeLibrary):
-    """Code of a helper: neither optimised nor made machine code, but kept for its callers."""
+    """Code of a helper: neither optimised nor made machine code, but kept for its callers.
+
+    alone: whether it is linked without what it calls; only entry points look deeper themselves.
+    """
+
+    alone = False
+    _whole: Any = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
@@ -66,6 +72,17 @@ class _HelperLibrary(JITCodeLibrary):
         """Take no more code; what this one calls is linked together with it."""
         self._finalize_dynamic_globals()
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """Return the code of this helper, and for functions of numba's all that it calls."""
+        module = super()._get_module_for_linking()
+        if self.alone:
+            return module
+        if self._whole is None:
+            self._whole = module.clone()
+            for called in self._linking_libraries:
+                self._whole.link_in(called._get_module_for_linking(), preserve=True)
+        return self._whole
 
     def get_pointer_to_function(self, name: str) -> int:
         """Return 0: there is nothing that could be called."""
@@ -90,7 +107,12 @@ class _EntryLibrary(JITCodeLibrary):
         found: dict[Any, None] = {}
         _collect(self, found)
         self._linking_libraries = list(found)
-        super().finalize()
+        # each helper once, not once more within every caller; compilations take turns
+        _HelperLibrary.alone = True
+        try:
+            super().finalize()
+        finally:
+            _HelperLibrary.alone = False
 
 
 def _collect(library: Any, found: dict[Any, None]) -> None:
@@ -182,7 +204,7 @@ def _forgiving(dispatcher: Any) -> Any:
     """Let a compiled function do without its cache where that fails: it only saves time."""
     stored = dispatcher._cache
     stored._cache_file.save = partial(_save, stored._cache_file)
-    load, save = stored.load_overload, stored.save_overload
+    load, save, compile_it = stored.load_overload, stored.save_overload, dispatcher.compile
     locks: dict[Any, Any] = {}
 
     def try_to_load(*arguments: Any) -> Any:
@@ -196,14 +218,16 @@ def _forgiving(dispatcher: Any) -> Any:
 
     def careful_load(signature: Any, *arguments: Any) -> Any:
         found = try_to_load(signature, *arguments)
+        announced = _announcing and dispatcher.__name__ == LONGEST
         if found is None:
             version = f"{dispatcher.__name__} {signature}"
-            locks[signature] = _wait_for_others(Path(stored.cache_path), version)
+            text = "another process compiles the solver for this kind of scene: waiting for it"
+            locks[signature] = _wait_for_others(
+                Path(stored.cache_path), version, text if announced else ""
+            )
             # another one may have compiled it meanwhile
             found = try_to_load(signature, *arguments)
-            if found is not None:
-                _release(locks.pop(signature))
-        if found is None and _announcing and dispatcher.__name__ == LONGEST:
+        if found is None and announced:
             text = "compiling the solver for this kind of scene: some 10 s, once on this machine"
             print(text, file=sys.stderr, flush=True)
         return found
@@ -213,35 +237,48 @@ def _forgiving(dispatcher: Any) -> Any:
             save(signature, *arguments)
         except OSError as error:
             _say(f"machine code can't be kept in {stored.cache_path}: {error}")
-        finally:
+
+    def careful_compile(signature: Any) -> Any:
+        try:
+            return compile_it(signature)
+        finally:  # also after an error or Ctrl-C
             _release(locks.pop(signature, None))
 
     stored.load_overload, stored.save_overload = careful_load, careful_save
+    dispatcher.compile = careful_compile
     return dispatcher
 
 
-def _wait_for_others(folder: Path, version: str) -> Any:
-    """Return an open file that keeps other processes from compiling the same version meanwhile.
+def _wait_for_others(folder: Path, what: str, text: str = "") -> Any:
+    """Return an open file that keeps other processes from doing the same meanwhile.
 
+    what: a version to compile, or an index to write; text: printed to stderr if a wait begins.
     None where there are no such locks, or if another process holds this one for too long.
     """
     if fcntl is None:
         return None
-    name = hashlib.sha256(version.encode()).hexdigest()[:16]
+    name = hashlib.sha256(what.encode()).hexdigest()[:16]
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         lock = (folder / f"{name}.lock").open("w")
-        for _ in range(int(PATIENCE / PAUSE)):
-            with suppress(BlockingIOError):
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                return lock
-            time.sleep(PAUSE)
-        lock.close()
+        held = False
+        try:
+            for attempt in range(int(PATIENCE / PAUSE)):
+                with suppress(BlockingIOError):
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    held = True
+                    return lock
+                if text and attempt == 0:
+                    print(text, file=sys.stderr, flush=True)
+                time.sleep(PAUSE)
+        finally:  # after Ctrl-C too, and where there are no locks
+            if not held:
+                lock.close()
     return None
 
 
 def _release(lock: Any) -> None:
-    """Let others compile; lock: of `_wait_for_others`."""
+    """Let others go on; lock: of `_wait_for_others`."""
     if lock is not None:
         # closing is not enough where a fork has the file too
         fcntl.flock(lock, fcntl.LOCK_UN)
@@ -249,15 +286,21 @@ def _release(lock: Any) -> None:
 
 
 def _save(file: Any, key: Any, data: Any) -> None:
-    """Keep machine code under a name that no other process can choose.
+    """Keep machine code under a random name, which no other process takes.
 
     Numba numbers the files by what its index holds. Two processes that compile two versions at
     once take the same number, and one then runs the code of the other: a crash, or wrong numbers.
+    Both write the index, so they take turns, else it would lose what one of them has added.
     """
     name = file._data_name(uuid.uuid4().int)
     file._save_data(name, data)
     # only now: the index must not name a file that isn't there
-    file._save_index(file._load_index() | {key: name})
+    index = Path(file._index_path)
+    lock = _wait_for_others(index.parent, index.name)
+    try:
+        file._save_index(file._load_index() | {key: name})
+    finally:
+        _release(lock)
 
 
 def _say(text: str) -> None:

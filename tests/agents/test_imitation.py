@@ -131,12 +131,18 @@ def test_it_learns_in_rounds_and_takes_no_lesson_twice(tmp_path, at_once):
     assert network.read_bytes() == content
 
 
+def test_a_kind_of_actions_comes_before_that_of_the_table(at_once):
+    assert ImitationArgs().settings["action_mode"] == "absolute"
+    assert ImitationArgs(action_mode="delta").settings["action_mode"] == "delta"
+
+
 @pytest.mark.parametrize(
     ("given", "text"),
     [
         ({"teacher": "nobody"}, "teacher: expected one of oracle"),
         ({"rounds": 0}, "rounds: expected"),
         ({"lessons": 0}, "lessons: expected"),
+        ({"action_mode": "discrete"}, "action_mode: expected one of absolute, stable, delta, got"),
     ],
     ids=str,
 )

@@ -7,10 +7,11 @@ pytest.importorskip("stable_baselines3")
 import torch
 from stable_baselines3 import PPO
 
+from agents import ppo_warm, training
 from agents.exports import plain_network
 from agents.imitation import perceptron
 from agents.ppo import export
-from agents.ppo_warm import Hold, begin_with
+from agents.ppo_warm import Hold, WarmArgs, begin_with
 from sph_gym.env.stable_baselines import TuningVecEnv
 
 
@@ -55,6 +56,29 @@ def test_another_kind_of_network_is_refused(envs, change, text):
 def test_another_size_is_refused(envs):
     with pytest.raises(ValueError, match="start: expected a network with layers"):
         begin_with(model(envs), network(envs, 8, 9), "absolute")
+
+
+@pytest.mark.parametrize("mode", ["absolute", "stable"])
+def test_the_imitation_learns_the_same_kind_of_actions(monkeypatch, mode):
+    class Enough(Exception):
+        """The imitation has begun."""
+
+    def begin(args):
+        assert args.settings["action_mode"] == mode
+        raise Enough
+
+    monkeypatch.setattr(training, "hyperparameters", lambda *_: {"env": {"action_mode": mode}})
+    monkeypatch.setattr(ppo_warm.imitation, "train", begin)
+    with pytest.raises(Enough):
+        ppo_warm.train(WarmArgs())
+
+
+@pytest.mark.parametrize("mode", ["delta", "discrete"])
+def test_actions_that_say_no_length_of_a_step_are_refused_before_all_else(monkeypatch, mode):
+    monkeypatch.setattr(training, "hyperparameters", lambda *_: {"env": {"action_mode": mode}})
+    monkeypatch.setattr(ppo_warm.imitation, "train", lambda args: pytest.fail("it plays"))
+    with pytest.raises(ValueError, match="action_mode: expected one of absolute, stable, got"):
+        ppo_warm.train(WarmArgs())
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")

@@ -104,8 +104,16 @@ def page(folder):
 
 def test_every_agent_has_a_style_of_its_own():
     assert tuple(styles.STYLES) == tuple(styles.SENTENCES) == NAMES
-    for field in ("label", "colour", "marker"):
-        assert len({getattr(agent, field) for agent in styles.STYLES.values()}) == len(NAMES)
+    known = [*map(styles.style_of, NAMES), styles.style_of("mine")]
+    variants = [styles.style_of(f"{name}-small") for name in NAMES]
+    assert known[:-1] == list(styles.STYLES.values())
+    assert len({style.marker for style in known}) == len(known)
+    for field in ("label", "colour"):
+        found = {getattr(style, field) for style in [*known, *variants]}
+        assert len(found) == len(known) + len(variants)
+    # a variant looks like what it is one of
+    assert [style.marker for style in variants] == [style.marker for style in known[:-1]]
+    assert not {style.line for style in variants} & {style.line for style in known}
     assert styles.style_of("mine").label == "mine"
     assert styles.style_of("ppo-small").label == "PPO, small"
 
@@ -226,6 +234,6 @@ def test_what_is_missing_is_refused(tmp_path):
         report.write_report(tmp_path, incomplete)
 
 
-@pytest.mark.parametrize("name", styles.STYLES)
+@pytest.mark.parametrize("name", [*styles.STYLES, "mine"])
 def test_every_marker_has_an_area_that_the_page_can_draw(name):
-    assert report._shape(styles.STYLES[name].marker).startswith("M")
+    assert report._shape(styles.style_of(name).marker).startswith("M")

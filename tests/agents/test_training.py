@@ -10,9 +10,12 @@ import pandas as pd
 import pytest
 
 pytest.importorskip("stable_baselines3")
+import yaml
 
 from agents import training
 from agents.checkpoints import newest_checkpoint
+from agents.exports import plain_network
+from agents.imitation import ImitationArgs, perceptron
 from agents.policies import Spec, build
 from sph_gym.env import env_id
 
@@ -103,6 +106,75 @@ def test_nothing_to_resume_is_said(tmp_path):
 def test_hyperparameters_fall_back_to_the_default(algorithm):
     named = training.hyperparameters(algorithm, "dam_break")
     assert set(training.hyperparameters(algorithm, "relaxation")) == set(named)
+
+
+@pytest.fixture
+def table(tmp_path, monkeypatch):
+    """Writes the table of an algorithm, which takes the place of the real one."""
+
+    def write(algorithm, **entries):
+        path = tmp_path / "hyperparams" / f"{algorithm}.yml"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(yaml.safe_dump(entries))
+
+    monkeypatch.setattr(training, "FOLDER", tmp_path)
+    return write
+
+
+def test_an_edited_table_is_for_the_next_training(table):
+    entry = {"env": {"action_mode": "stable"}, "learning_rate": 1e-3, "policy_kwargs": {}}
+    table("ppo", default=entry)
+    one = training.Training("ppo", training.TrainingArgs(), export=None)
+    # a learner may add to what it is given
+    one.settings()["policy_kwargs"]["added"] = 1
+    table("ppo", default=entry | {"env": {"action_mode": "absolute"}, "gamma": 0.9})
+    assert one.action_mode == "stable"
+    assert "gamma" not in one.settings()
+    assert one.settings()["policy_kwargs"] == {}
+
+
+def test_an_edited_table_is_for_the_next_imitation(table):
+    table("imitation", default={"action_mode": "stable"})
+    args = ImitationArgs()
+    assert args.settings["action_mode"] == "stable"
+    table("imitation", default={"action_mode": "absolute"})
+    assert args.settings["action_mode"] == "stable"
+
+
+def test_what_an_id_does_not_name_comes_from_default(table):
+    default = {"env": {"action_mode": "stable", "rate_limit": 2.0}, "gamma": 0.9, "n_steps": 8}
+    own = {"env": {"rate_limit": 3.0}, "gamma": 0.8}
+    table("ppo", default=default, **{env_id("dam_break"): own})
+    assert training.hyperparameters("ppo", "dam_break") == {
+        "env": {"action_mode": "stable", "rate_limit": 3.0},
+        "gamma": 0.8,
+        "n_steps": 8,
+    }
+    assert training.hyperparameters("ppo", "relaxation") == default
+
+
+@pytest.mark.parametrize("env", [{"env": {"action_mode": "stabel"}}, {"action_mode": "stabel"}, {}])
+def test_an_unknown_kind_of_actions_is_refused(table, env):
+    table("ppo", default={"gamma": 0.9} | env)
+    with pytest.raises(ValueError, match=r"action_mode: expected one of absolute, .*, got"):
+        training.hyperparameters("ppo", "dam_break")
+
+
+@pytest.mark.parametrize("kept", ["stable", "absolute"])
+def test_a_training_goes_on_with_the_actions_that_it_began_with(tmp_path, table, kept):
+    table("ppo", default={"env": {"action_mode": "stable"}})
+    args = training.TrainingArgs(output=tmp_path, resume=True, trust_checkpoints=True)
+    one = training.Training("ppo", args, export=None)
+    path = one.folder / "checkpoints" / "ppo_64_steps.zip"
+    path.parent.mkdir(parents=True)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("data", b"model")
+    plain_network(perceptron(5, [4], 3), "clip", kept).save(one.folder / "network.npz")
+    if kept == "stable":
+        assert one.checkpoint() == path
+        return
+    with pytest.raises(ValueError, match=r"resume: expected .*'stable v\d'.* got .*'absolute v\d'"):
+        one.checkpoint()
 
 
 def test_the_last_batch_does_not_undo_what_was_learned():

@@ -248,7 +248,6 @@ def one_of_many():
     return gym.make("sph_gym/Mixed-v1", dx=0.08, action_mode="delta", max_episode_steps=12)
 
 
-@pytest.mark.every(2)
 @pytest.mark.parametrize("context", ["spawn", "forkserver"])
 def test_processes_of_their_own_change_nothing(context):
     ours = SyncVectorEnv([one_of_many] * 2)

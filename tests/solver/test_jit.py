@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numba
@@ -79,10 +80,39 @@ def test_the_users_folder_comes_first(monkeypatch, tmp_path):
         assert cache_home() == tmp_path / "xdg" / "sph-gym"
 
 
-def run(folder, cache):
-    """SMALL, put into `folder`, in another interpreter, with `cache` for its cache."""
+# a function of numba's own calls helpers, three deep, that an entry point was made of before
+OWN = """
+import numba
+from sph_gym.solver.jit import jit, jitable
+
+@jitable
+def third(x):
+    return x + 1.0
+
+@jitable
+def second(x):
+    return 2.0 * third(x)
+
+@jitable
+def first(x):
+    return second(x) - 3.0
+
+@jit
+def entry(x):
+    return first(x)
+
+@numba.njit
+def own(x):
+    return 10.0 * first(x)
+
+print(entry(5.0), own(5.0))
+"""
+
+
+def run(folder, cache, program=SMALL):
+    """A program, put into `folder`, in another interpreter, with `cache` for its cache."""
     script = folder / "small.py"
-    script.write_text(SMALL)
+    script.write_text(program)
     # the tree that is tested here, wherever it is installed
     environment = os.environ | {
         "SPH_GYM_CACHE": str(cache),
@@ -102,6 +132,10 @@ def test_machine_code_goes_to_the_chosen_folder(tmp_path):
     assert run(tmp_path, tmp_path / "cache") == "(0.0, 1.0)"
     assert {path.name for path in (tmp_path / "cache" / "jit").iterdir()} == {source_hash()}
     assert list(tmp_path.glob("cache/jit/*/**/*.nbc"))
+
+
+def test_helpers_can_be_used_by_functions_of_numbas_own(tmp_path):
+    assert run(tmp_path, tmp_path / "cache", OWN) == "9.0 90.0"
 
 
 def test_without_a_folder_to_write_to_it_still_runs(tmp_path):
@@ -133,7 +167,6 @@ def again(folder, cache):
     return done.stdout.strip(), done.stderr
 
 
-@pytest.mark.every(3)
 @pytest.mark.parametrize(("kind", "content"), [("nbi", b""), ("nbc", None)])
 def test_damaged_machine_code_is_made_anew_with_a_warning(tmp_path, kind, content):
     cache = tmp_path / "cache"
@@ -207,3 +240,93 @@ def test_of_two_processes_at_once_one_compiles(tmp_path):
     assert run(tmp_path, cache) == "(0.0, 1.0)"
     # one of them has compiled, the other one has waited for it
     assert len(list(cache.rglob("*.nbc"))) == 1
+
+
+def test_a_compilation_that_failed_keeps_nobody_waiting(tmp_path, monkeypatch):
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
+
+    @jit.jit
+    def twice(x):
+        return 2 * x
+
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as user:
+        user.setattr(twice._compiler, "compile", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            twice(21)
+    monkeypatch.setattr(jit.time, "sleep", lambda pause: pytest.fail("it waits"))
+    assert twice(21) == 42
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no such locks on this system")
+def test_who_is_tired_of_waiting_leaves_no_open_file(tmp_path, monkeypatch):
+    asked, flock = [], jit.fcntl.flock
+
+    def ask(file, how):
+        asked.append(file)
+        flock(file, how)
+
+    def interrupted(pause):
+        raise KeyboardInterrupt
+
+    lock = jit._wait_for_others(tmp_path, "a version")
+    monkeypatch.setattr(jit.fcntl, "flock", ask)
+    monkeypatch.setattr(jit.time, "sleep", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        jit._wait_for_others(tmp_path, "a version")
+    assert [file.closed for file in asked] == [True]
+    jit._release(lock)
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no such locks on this system")
+def test_two_who_finish_at_once_both_keep_what_they_made(tmp_path, monkeypatch):
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
+
+    @jit.jit
+    def twice(x):
+        return 2 * x
+
+    file = twice._cache._cache_file
+    other = threading.Thread(target=file.save, args=("of another", "code of another"))
+    load = file._load_index
+
+    def slowly():
+        found = load()
+        if threading.current_thread() is not other:
+            other.start()
+            # long enough for the other one to have written, unless it has to wait
+            other.join(0.3)
+        return found
+
+    monkeypatch.setattr(file, "_load_index", slowly)
+    file.save("of one", "code of one")
+    other.join()
+    monkeypatch.undo()
+    assert file.load("of one") == "code of one"
+    assert file.load("of another") == "code of another"
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no such locks on this system")
+@pytest.mark.parametrize("announcing", [False, True])
+def test_a_wait_for_another_process_is_announced(tmp_path, monkeypatch, capsys, announcing):
+    monkeypatch.setenv("SPH_GYM_CACHE", str(tmp_path))
+    monkeypatch.setattr(jit, "_announcing", announcing)
+
+    @jit.jit
+    def advance(x):
+        return 2 * x
+
+    # what the other one holds, until it is waited for
+    wait, held = jit._wait_for_others, []
+
+    def wait_twice(*arguments):
+        held.append(wait(*arguments))
+        return wait(*arguments)
+
+    monkeypatch.setattr(jit, "_wait_for_others", wait_twice)
+    monkeypatch.setattr(jit.time, "sleep", lambda pause: jit._release(held.pop()))
+    assert advance(21) == 42
+    shown = capsys.readouterr().err.splitlines()
+    assert [line.partition(" ")[0] for line in shown] == ["another", "compiling"] * announcing

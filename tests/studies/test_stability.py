@@ -41,51 +41,7 @@ def missed(name, variant):
     return [row for row in rows if not row.holds]
 
 
-# Cases that are slow, or need a compiled version which few tests share; `make test-all` runs them.
-COSTLY = {
-    "100,000 particles",
-    "corner jet, boundary particles",
-    "dam break on an obstacle",
-    "density jump of 10",
-    "dt x 0.05",
-    "far from the origin",
-    "far from the origin, in a tank",
-    "h/dx = 1.5",
-    "h/dx = 2",
-    "h/dx = 3",
-    "h/dx = 4",
-    "high viscosity",
-    "pairing, cured by shifting",
-    "pairing, h/dx = 3.5",
-    "rotating square, clamped",
-    "rotating square, under tension",
-    "stiffness x 100",
-    "tanks of 0.5 to 5 m",
-    "thin jet on boundary particles",
-    "Poiseuille flow, kick_drift_kick, summed",
-    "Poiseuille flow, predictor_corrector, summed",
-    "colliding patches, predictor_corrector, by continuity",
-    "colliding patches, predictor_corrector, summed",
-    "corner jet, a plate",
-    "dam break, kick_drift_kick, summed",
-    "dam break, predictor_corrector, summed",
-    "dam break, symplectic_euler, by continuity",
-    "epsilon = 0.6, no other viscosity",
-    "epsilon = 1, no other viscosity",
-    "shaken at resonance",
-    "strays at 100 m/s and plates",
-    "swinging wall",
-    "thin jet on a plate",
-}
-
-NAMES = [pytest.param(name, marks=[pytest.mark.slow] if name in COSTLY else []) for name in CASES]
-
-
-def test_costly_cases_exist():
-    assert CASES.keys() >= COSTLY
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", CASES)
 def test_each_case_holds_as_it_is(name):
     assert missed(name, AS_IT_IS) == []
 
@@ -189,7 +145,7 @@ def stand_still(sim, seconds):
 
 
 @pytest.mark.every(3)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", CASES)
 def test_a_solver_that_stands_still_fails_every_case(name, monkeypatch):
     monkeypatch.setattr(Simulation, "advance", stand_still)
     case = CASES[name]
@@ -242,7 +198,6 @@ def test_finished_runs_are_kept(tmp_path, monkeypatch):
     assert list(stability.catalogue(True, tmp_path, chosen)) == first
 
 
-@pytest.mark.every(3)
 @pytest.mark.parametrize("result", [[], [7], 5, None, [1, 0, "", {}], [1, 0, "", {"silent": "0"}]])
 def test_a_damaged_run_is_never_perfect(tmp_path, result):
     chosen = [CASES["stray particle at 100 m/s"]]

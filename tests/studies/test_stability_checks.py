@@ -312,7 +312,6 @@ def test_a_list_that_misses_neighbours_is_seen():
     assert comparisons.grid_gap(sim) > checks.SAME["float64"]
 
 
-@pytest.mark.every(2)
 @pytest.mark.parametrize("name", ["colliding patches", "far from the origin, in a tank"])
 def test_a_sample_is_compared_in_single_precision_too(name):
     # as far from its origin as a large flow is in multiples of its spacing, or farther

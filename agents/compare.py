@@ -50,8 +50,8 @@ class ComparisonArgs(BackendArgs):
 
     scene: str = option("scene of the environment", "dam_break")
     agents: tuple[str, ...] = option(
-        "which agents; besides these, random_search, tpe, cma_es and hindsight",
-        tuple(name for name in NAMES if name not in STATIC[1:]),
+        "which agents; besides these, random_search, tpe, cma_es, hindsight and short_lookahead",
+        tuple(name for name in NAMES if name not in (*STATIC[1:], "short_lookahead")),
     )
     instances: str = option(
         "nominal, train, val, test or ood; of ood, each shift gets a table of its own too", "test"

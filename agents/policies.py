@@ -20,7 +20,7 @@ from sph_gym.controllers import (
 )
 from sph_gym.env import actions
 from sph_gym.env.layouts import action_layout, observation_layout
-from sph_gym.env.oracle import Oracle
+from sph_gym.env.oracle import SHORT, Oracle
 from sph_gym.env.policies import Policy, draw_at_random, follow
 from sph_gym.solver.checks import known
 
@@ -104,6 +104,8 @@ def _play_trained(spec: Spec) -> Policy:
 
 
 LEARNED = ("ppo", "ppo_lagrangian", "ppo_warm", "imitation", "sac", "dqn")
+# Agents that see the reference and what is to come: bounds, no competitors.
+ORACLES = ("lookahead", "short_lookahead")
 # Ways to find static settings, and the best ones of each instance in hindsight.
 STATIC = ("grid_search", "random_search", "tpe", "cma_es", "hindsight")
 # The one list of agents: what makes a policy of a spec and the seed of the episode.
@@ -116,6 +118,7 @@ AGENTS: dict[str, Callable[[Spec, int], Policy]] = {
     "pi": lambda spec, seed: follow(PiController()),
     **dict.fromkeys(STATIC, lambda spec, seed: _play_static(spec)),
     "lookahead": lambda spec, seed: Oracle(),
+    "short_lookahead": lambda spec, seed: Oracle(SHORT),
     **dict.fromkeys(LEARNED, lambda spec, seed: _play_trained(spec)),
 }
 NAMES = tuple(AGENTS)

@@ -12,6 +12,7 @@ from matplotlib.markers import MarkerStyle
 from matplotlib.transforms import Affine2D
 
 from agents.evaluate import MEASURES, readable
+from agents.policies import ORACLES
 from agents.styles import Marker, sentence, style_of
 from sph_gym.env.rewards import MILDEST, MOST_WORK, WINDOW, WORST, Tolerances
 
@@ -77,10 +78,10 @@ def _template() -> Template:
 def headline(summary: pd.DataFrame) -> str:
     """Return the result in a few sentences: who does best, by how much, and where it fails.
 
-    summary: as `summary_table` returns it. The look-ahead oracle is a bound, so that it does best
-    only if it is alone.
+    summary: as `summary_table` returns it. Oracles are bounds, so that one does best only if there
+    are no others.
     """
-    rivals = summary[summary["agent"] != "lookahead"]
+    rivals = summary[~summary["agent"].isin(ORACLES)]
     first = (rivals if len(rivals) else summary).iloc[0]
     text = (
         f"{style_of(first['agent']).label} did best, with a return of {first['return']:.2f} per "

@@ -34,6 +34,7 @@ STYLES: dict[str, AgentStyle] = {
     "cma_es": AgentStyle("CMA-ES", "#7F4F7A", "H", (0, (6, 3))),
     "hindsight": AgentStyle("best static in hindsight", "#F781BF", (4, 1, 0), (0, (1, 1))),
     "lookahead": AgentStyle("look-ahead", "#8C8C00", "X", (0, (8, 2, 1, 2, 1, 2))),
+    "short_lookahead": AgentStyle("short look-ahead", "#B5B52E", (6, 2, 0), (0, (8, 2))),
     "ppo": AgentStyle("PPO", "#009E73", "v"),
     "ppo_lagrangian": AgentStyle("Lagrangian PPO", "#1B4D3E", r"$\clubsuit$", (0, (5, 1))),
     "ppo_warm": AgentStyle("PPO after imitation", "#66C2A5", "8", "-", 2.4),
@@ -64,6 +65,9 @@ SENTENCES = {
     "it beforehand.",
     "lookahead": "tries settings on snapshots of the episode and keeps the best; it sees the "
     "reference and the future, so it is a bound and no competitor.",
+    "short_lookahead": "tries settings for eight steps on copies of the episode in which particles "
+    "are moved a little, keeps the best one for two steps, and tries again; it sees the reference, "
+    "but can't rely on rounding.",
     "ppo": "a small neural network that looks at the flow in every frame, trained on training "
     "instances by proximal policy optimisation.",
     "ppo_lagrangian": "PPO that also keeps the share of steps out of tolerance below a limit, by a "

@@ -22,7 +22,10 @@ class Search(NamedTuple):
 
     width: branches that go on; hold: steps for which a setting is tried; courant, sound: pairs
     that are tried besides those around the present one, as multiples dt c / h and multiples of c0;
-    xsph: epsilons that are tried; near: distance of those around the present one, in coordinates.
+    xsph: epsilons that are tried; near: distance of those around the present one, in coordinates;
+    depth: settings one after the other, None for as many as the episode has room for; keep: steps
+    of a plan that are played before the next one, None for all; displaced: standard deviation of
+    what particles are moved by before a plan is made [dx], so that it can't rely on rounding.
     """
 
     width: int = 8
@@ -31,10 +34,18 @@ class Search(NamedTuple):
     sound: tuple[float, ...] = (0.1, 0.2, 0.4, 0.8)
     xsph: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7)
     near: float = 0.2
+    depth: int | None = None
+    keep: int | None = None
+    displaced: float = 0.0
 
 
 FULL = Search()
 COARSE = Search(width=2, hold=4, courant=(0.9,), xsph=(0.2, 0.5))
+# What a policy could gain that knows the present state, but not its last digits.
+SHORT = Search(
+    width=1, hold=8, courant=(0.6, 0.75, 1.0), sound=(0.2, 0.3, 0.4, 0.55, 0.75, 1.0),
+    depth=1, keep=2, displaced=1e-3,
+)  # fmt: skip
 
 
 class Step(NamedTuple):
@@ -83,9 +94,10 @@ class Oracle:
     def plan(self, episode: Episode) -> list[Any]:
         """Return the actions of the best branch."""
         search, start = self.search, episode.state()
-        depth = -(-(episode.n_steps - episode.step) // search.hold)
+        most = -(-(episode.n_steps - episode.step) // search.hold)
+        depth = most if search.depth is None else min(search.depth, most)
         branch = beam_search(
-            start,
+            displaced(start, search.displaced * episode.scene.dx),
             self._settings,
             lambda state, wanted: self._play(episode, state, wanted),
             depth,
@@ -93,7 +105,7 @@ class Oracle:
             lambda state: (state["simulation"]["totals"], state["coordinates"].tobytes()),
         )
         episode.restore(start)
-        return self._as_actions(episode, start, branch.moves)
+        return self._as_actions(episode, start, branch.moves)[: search.keep]
 
     def _as_actions(self, episode: Episode, start: State, moves: Any) -> list[Any]:
         present, played, rules = start["coordinates"], [], episode.rules
@@ -130,3 +142,18 @@ class Oracle:
             if over:
                 break
         return Transition(episode.state(), earned, over)
+
+
+def displaced(state: State, distance: float) -> State:
+    """Return the state of an episode with its particles moved at random, by so much [m].
+
+    The same state is always changed in the same way.
+    """
+    if distance == 0.0:
+        return state
+    rng = np.random.default_rng(state["step"])
+    fluid = dict(state["simulation"]["fluid"])
+    for axis in ("x", "y"):
+        place = fluid[axis]
+        fluid[axis] = place + rng.normal(0.0, distance, len(place)).astype(place.dtype)
+    return state | {"simulation": state["simulation"] | {"fluid": fluid}}

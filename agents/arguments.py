@@ -2,13 +2,14 @@
 
 import argparse
 import sys
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
-from sph_gym.command_line.parser import Parser
+from sph_gym.command_line.parser import WRONG, Parser
 from sph_gym.studies.backends import Backend
 
 Arguments = TypeVar("Arguments")
@@ -70,6 +71,20 @@ def parse(
         )
     given = vars(parser.parse_args(words))
     return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
+
+
+def launch(
+    main: Callable[[Arguments], object], kind: type[Arguments], description: str | None
+) -> None:
+    """Run a program with the arguments of the command line.
+
+    What is wrong with them, or with a file, is told in one line; the exit status is 2 then.
+    """
+    try:
+        main(parse(kind, description))
+    except (ValueError, ImportError, OSError) as error:
+        print(f"{program()}: {error}", file=sys.stderr)
+        raise SystemExit(WRONG) from None
 
 
 def _reading(hint: Any) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import sph_gym
 from agents import plots, report, static_search
-from agents.arguments import BackendArgs, option, parse, program
+from agents.arguments import BackendArgs, launch, option, program
 from agents.evaluate import (
     evaluate,
     instance_ids,
@@ -28,6 +28,7 @@ from agents.evaluate import (
 )
 from agents.policies import LEARNED, NAMES, STATIC, Spec, build
 from agents.styles import style_of
+from sph_gym.controllers import Network
 from sph_gym.controllers.shipped import network_of
 from sph_gym.env import env_id
 from sph_gym.env.instances import ODD
@@ -77,8 +78,11 @@ def specs(args: ComparisonArgs) -> list[Spec]:
     if len(args.networks) % 2:
         raise ValueError(f"networks: expected pairs of agent and file, got {args.networks}")
     networks = dict(zip(args.networks[::2], args.networks[1::2], strict=True))
-    for name in (*args.agents, *networks):
+    for name in args.agents:
         known("agents", name, NAMES)
+    for name, path in networks.items():
+        known("networks", name, [agent for agent in args.agents if agent in LEARNED])
+        Network.load(path)
     chosen = []
     for name in args.agents:
         if name in STATIC:
@@ -239,5 +243,10 @@ def _notes(args: ComparisonArgs, chosen: Sequence[Spec]) -> list[str]:
     return notes
 
 
+def main(args: ComparisonArgs) -> None:
+    """Compare agents, and say where the report is."""
+    print(f"report: {compare(args)}")
+
+
 if __name__ == "__main__":
-    print(f"report: {compare(parse(ComparisonArgs, __doc__))}")
+    launch(main, ComparisonArgs, __doc__)

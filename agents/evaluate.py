@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +11,7 @@ import gymnasium as gym
 import pandas as pd
 
 from agents import policies
-from agents.arguments import BackendArgs, option, parse
+from agents.arguments import BackendArgs, launch, option
 from agents.policies import Policy, Spec, build
 from sph_gym.env import SCENES, env_id
 from sph_gym.env.instances import ODD, SIZES, shift
@@ -241,7 +242,7 @@ def show_summary(runs: pd.DataFrame, title: str) -> None:
 
 def main(name: str, description: str | None) -> None:
     """Evaluate an agent that follows a rule: what `python -m agents.NAME` does."""
-    play_agent(Spec(name), parse(EvaluationArgs, description))
+    launch(partial(play_agent, Spec(name)), EvaluationArgs, description)
 
 
 def play_agent(spec: Spec, args: EvaluationArgs) -> None:

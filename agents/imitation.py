@@ -18,7 +18,7 @@ import torch
 from torch.nn.functional import smooth_l1_loss
 
 from agents import lessons
-from agents.arguments import BackendArgs, option, parse
+from agents.arguments import BackendArgs, launch, option
 from agents.exports import plain_network
 from agents.lessons import TEACHERS, Lesson
 from agents.training import hyperparameters
@@ -143,4 +143,4 @@ def perceptron(n_in: int, widths: Sequence[int], n_out: int) -> torch.nn.Sequent
 
 
 if __name__ == "__main__":
-    train(parse(ImitationArgs, __doc__))
+    launch(train, ImitationArgs, __doc__)

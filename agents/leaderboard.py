@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from agents import board, cards, entries, scores, zero_shot
-from agents.arguments import BackendArgs, option, parse
+from agents.arguments import BackendArgs, launch, option
 from agents.entries import GAMES, Agent, LeaderboardEntry
 from agents.evaluate import Job, instance_ids, run_episodes
 from agents.policies import build
@@ -226,4 +226,4 @@ def main(args: LeaderboardArgs) -> None:
 
 
 if __name__ == "__main__":
-    main(parse(LeaderboardArgs, __doc__))
+    launch(main, LeaderboardArgs, __doc__)

@@ -6,7 +6,7 @@ import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
-from agents.arguments import parse
+from agents.arguments import launch
 from agents.ppo import export
 from agents.training import Training, TrainingArgs, Trial
 from sph_gym.env.rewards import WORST
@@ -80,4 +80,4 @@ def train(args: TrainingArgs, trial: Trial | None = None) -> None:
 
 
 if __name__ == "__main__":
-    train(parse(TrainingArgs, __doc__))
+    launch(train, TrainingArgs, __doc__)

@@ -16,14 +16,14 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from agents import imitation
-from agents.arguments import option, parse
+from agents.arguments import launch, option
 from agents.imitation import ImitationArgs
 from agents.ppo import export, layers
 from agents.training import Training, TrainingArgs
 from agents.validation import NETWORK
 from sph_gym.controllers import Network
 from sph_gym.env import actions
-from sph_gym.solver.checks import in_range, known, positive
+from sph_gym.solver.checks import in_range, known, positive, whole
 
 
 @dataclass(kw_only=True)
@@ -46,6 +46,8 @@ class WarmArgs(TrainingArgs):
     held: int = option("steps during which it stays as it is, while its value is learned", 20_000)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        whole("held", self.held)
         in_range("courant", self.courant, *actions.COURANT)
         for value in self.spread:
             positive("spread", value)
@@ -130,4 +132,4 @@ def train(args: WarmArgs) -> None:
 
 
 if __name__ == "__main__":
-    train(parse(WarmArgs, __doc__))
+    launch(train, WarmArgs, __doc__)

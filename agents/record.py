@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from agents.arguments import option, parse
+from agents.arguments import launch, option
 from agents.evaluate import instance_ids
 from agents.policies import LEARNED, NAMES, Spec, build
 from sph_gym.controllers.shipped import network_of
@@ -59,4 +59,4 @@ def main(args: RecordingArgs) -> None:
 
 
 if __name__ == "__main__":
-    main(parse(RecordingArgs, __doc__))
+    launch(main, RecordingArgs, __doc__)

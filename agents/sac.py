@@ -4,7 +4,7 @@ from typing import Any
 
 from stable_baselines3 import SAC
 
-from agents.arguments import parse
+from agents.arguments import launch
 from agents.exports import plain_network
 from agents.training import Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
@@ -29,4 +29,4 @@ def train(args: TrainingArgs, trial: Trial | None = None) -> None:
 
 
 if __name__ == "__main__":
-    train(parse(TrainingArgs, __doc__))
+    launch(train, TrainingArgs, __doc__)

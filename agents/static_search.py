@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Protocol
 
 import pandas as pd
 
-from agents.arguments import BackendArgs, option, parse
+from agents.arguments import BackendArgs, launch, option
 from agents.evaluate import MEASURES, Job, instance_ids, run_episodes, show, write_csv
 from agents.policies import STATIC, Settings, Spec
 from sph_gym.env.selection import members
@@ -192,4 +192,4 @@ def main(args: StaticSearchArgs) -> None:
 
 
 if __name__ == "__main__":
-    main(parse(StaticSearchArgs, __doc__))
+    launch(main, StaticSearchArgs, __doc__)

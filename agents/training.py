@@ -23,7 +23,7 @@ from sph_gym.env import actions, env_id
 from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.rules import Rules
 from sph_gym.env.stable_baselines import TuningVecEnv
-from sph_gym.solver.checks import known
+from sph_gym.solver.checks import known, whole
 
 FOLDER = Path(__file__).parent
 
@@ -45,6 +45,11 @@ class TrainingArgs:
         False,
     )
     ship: bool = option("also put the best network into the package", False)
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "n_envs", "evaluate_every"):
+            whole(name, getattr(self, name), at_least=1)
+        validation_ids(self.scene, self.n_evaluations)
 
 
 class Trial(NamedTuple):

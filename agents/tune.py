@@ -24,7 +24,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
-from agents.arguments import option, parse
+from agents.arguments import launch, option
 from agents.training import FOLDER, TrainingArgs, Trial, hyperparameters, replaced
 from sph_gym.env import env_id
 from sph_gym.files import atomic_write
@@ -167,4 +167,4 @@ def main(args: TuneArgs) -> None:
 
 
 if __name__ == "__main__":
-    main(parse(TuneArgs, __doc__))
+    launch(main, TuneArgs, __doc__)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from agents import board, entries, scores
-from agents.arguments import option, parse
+from agents.arguments import launch, option
 from agents.entries import GAMES, LeaderboardEntry
 from agents.scores import RULE, Values
 from agents.styles import style_of
@@ -135,4 +135,4 @@ def main(args: ZeroShotArgs) -> None:
 
 
 if __name__ == "__main__":
-    main(parse(ZeroShotArgs, __doc__))
+    launch(main, ZeroShotArgs, __doc__)

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from sph_gym.controllers.rules import TunedCfl
+from sph_gym.solver.checks import positive
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
 
@@ -35,6 +36,8 @@ class PiController:
     rule: TunedCfl = field(default_factory=TunedCfl)
 
     def __post_init__(self) -> None:
+        for name in ("setpoint", "least", "most"):
+            positive(name, getattr(self, name))
         self._factor, self._before = 1.0, 0.0
 
     def __call__(self, sim: Simulation) -> Controls:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from sph_gym.solver.checks import in_range, positive
 from sph_gym.solver.integrators import VISCOUS_SHARES
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
@@ -41,6 +42,11 @@ class Static:
     sound: float
     xsph: float
 
+    def __post_init__(self) -> None:
+        positive("courant", self.courant)
+        positive("sound", self.sound)
+        in_range("xsph", self.xsph, 0.0)
+
     def __call__(self, sim: Simulation) -> Controls:
         """Return the controls for the present state."""
         return from_numbers(sim, self.courant, self.sound * sim.scene.fluid.c0, self.xsph)
@@ -77,6 +83,12 @@ class TunedCfl:
     floor: float = 0.42
     xsph: float = 0.45
     xsph_slope: float = 0.3
+
+    def __post_init__(self) -> None:
+        positive("courant", self.courant)
+        positive("floor", self.floor)
+        for name in ("mach", "fastest", "xsph", "xsph_slope"):
+            in_range(name, getattr(self, name), 0.0)
 
     def __call__(self, sim: Simulation) -> Controls:
         """Return the controls for the present state."""

@@ -2,7 +2,7 @@
 
 A network NAME is two files of `networks/`: NAME.npz, numbers only, and NAME.json, its card. A name
 is an algorithm and the family that it was trained on, or "benchmark" for all of them: such as
-ppo_dam_break and ppo_benchmark.
+ppo_warm_benchmark.
 `networks/best.json` has the networks of every family, the best one first.
 """
 
@@ -50,16 +50,16 @@ def shipped(family: str, action_mode: str = "absolute") -> ShippedPolicy:
     best = _best()
     if not best:
         raise ValueError(
-            f"shipped: no network comes with this version, so none for {family!r}; a clone of the "
+            f"family: no network comes with this version, so none for {family!r}; a clone of the "
             "project trains some: sph-gym agents"
         )
-    policies = [load(name) for name in best[known("shipped", family, best)]]
+    policies = [load(name) for name in best[known("family", family, best)]]
     by_mode = {policy.network.action.partition(" ")[0]: policy for policy in reversed(policies)}
     return by_mode[known("action_mode", action_mode, by_mode)]
 
 
 def load(name: str) -> ShippedPolicy:
-    """Return a network of the package by its name, such as "ppo_benchmark".
+    """Return a network of the package by its name, such as "ppo_warm_benchmark".
 
     Raises ValueError for an unknown name, a damaged file, or a card without all entries of CARD.
     """

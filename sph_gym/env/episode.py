@@ -12,7 +12,7 @@ from sph_gym.env import actions, contexts, rewards
 from sph_gym.env.observations import Moment, measure
 from sph_gym.env.reference import n_frames, reference
 from sph_gym.env.rules import Rules
-from sph_gym.solver.scene import Scene
+from sph_gym.solver.scene import Scene, check_controls
 from sph_gym.solver.simulation import Report, Simulation
 
 # The entries of info: unit ("text" for strings) and meaning.
@@ -173,10 +173,12 @@ class Episode:
         }
 
     def toward(self, controls: Any) -> Any:
-        """Return the action that brings the controls as close as possible to the given ones."""
-        return self.rules.actions.toward(
-            actions.encode(self.scene, controls), self.coordinates, self.scene
-        )
+        """Return the action that brings the controls as close as possible to the given ones.
+
+        Raises ValueError unless they are controls.
+        """
+        wanted = actions.encode(self.scene, check_controls(controls))
+        return self.rules.actions.toward(wanted, self.coordinates, self.scene)
 
     # --- the state --------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 """Rules: the arguments of an environment that all of its episodes share, checked once."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -81,3 +81,7 @@ class Rules:
         if not isinstance(self.actions, actions.Discrete):
             raise AttributeError('action_masks: only with action_mode="discrete"')
         return self.actions.masks(coordinates, actions.useful(scene, self.rate_limit))
+
+
+# Names of the arguments.
+ARGUMENTS = tuple(field.name for field in fields(Rules))

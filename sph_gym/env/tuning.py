@@ -17,7 +17,7 @@ from sph_gym.env import rewards
 from sph_gym.env.episode import Episode
 from sph_gym.env.fingerprint import digest
 from sph_gym.env.identity import Identity, identify
-from sph_gym.env.rules import Rules
+from sph_gym.env.rules import ARGUMENTS, Rules
 from sph_gym.env.selection import Selection
 from sph_gym.solver.checks import known, whole
 from sph_gym.solver.plain import to_plain
@@ -82,6 +82,12 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
         render_mode: str | None = None,
         **rules: Any,
     ) -> None:
+        unknown = [name for name in rules if name not in ARGUMENTS]
+        if unknown:
+            raise TypeError(
+                f"{unknown[0]!r} is no argument of the environment: expected scene, dx, instances, "
+                f"render_mode, {', '.join(ARGUMENTS)}"
+            )
         self.selection, self.rules = Selection(scene, dx, instances), Rules(**rules)
         if render_mode is not None:
             known("render_mode", render_mode, self.metadata["render_modes"])

@@ -1,9 +1,10 @@
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from agents.arguments import option, parse
+from agents.arguments import launch, option, parse
 
 
 @dataclass
@@ -19,6 +20,11 @@ class Example:
 
 def read(*words):
     return parse(Example, "An example.", list(words))
+
+
+@dataclass
+class Nothing:
+    """Arguments of a program that has none."""
 
 
 def test_without_words_the_defaults_count():
@@ -55,3 +61,15 @@ def test_the_help_shows_every_option_with_its_default(capsys):
     assert "--n-envs INT" in text
     assert "how many (default: 2)" in text
     assert "what it is called\n" in text
+
+
+def test_a_fault_is_one_line_and_exit_status_2(monkeypatch, capsys):
+    def refuse(arguments):
+        raise ValueError("scene: expected one of these")
+
+    monkeypatch.setattr(sys, "argv", ["agents/ppo.py"])
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "agents.ppo"])
+    with pytest.raises(SystemExit) as stopped:
+        launch(refuse, Nothing, None)
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err == "python -m agents.ppo: scene: expected one of these\n"

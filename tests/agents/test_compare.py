@@ -241,3 +241,13 @@ def test_the_report_says_that_shifts_are_mixed():
     (note,) = compare._notes(compare.ComparisonArgs(instances="ood"), [Spec("random")])
     assert "table_by_shift.md" in note
     assert compare._notes(compare.ComparisonArgs(), [Spec("random")]) == []
+
+
+def test_networks_are_read_before_anything_is_played(tmp_path):
+    chosen = {"agents": ("tuned_cfl", "ppo")}
+    absent = compare.ComparisonArgs(**chosen, networks=("ppo", str(tmp_path / "none.npz")))
+    with pytest.raises((ValueError, OSError), match=r"none\.npz"):
+        compare.specs(absent)
+    other = compare.ComparisonArgs(**chosen, networks=("sac", str(tmp_path / "none.npz")))
+    with pytest.raises(ValueError, match="networks: expected one of ppo, got 'sac'"):
+        compare.specs(other)

@@ -181,3 +181,18 @@ def test_the_last_batch_does_not_undo_what_was_learned():
     # it ends beyond the last step, where no progress remains
     rate = training.linear(1e-3)
     assert [rate(remaining) for remaining in (1.0, 0.5, 0.0, -0.02)] == [1e-3, 5e-4, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"steps": 0}, "steps: "),
+        ({"n_envs": 0}, "n_envs: "),
+        ({"evaluate_every": 0}, "evaluate_every: "),
+        ({"n_evaluations": 17}, "n_evaluations: expected 1 to 16, got 17"),
+        ({"scene": "nope"}, "scene: "),
+    ],
+)
+def test_wrong_arguments_are_named_before_anything_is_played(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        training.TrainingArgs(**wrong)

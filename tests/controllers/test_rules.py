@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sph_gym import Simulation, scenes
-from sph_gym.controllers import ArticleCfl, Static, TunedCfl, nominal
+from sph_gym.controllers import ArticleCfl, PiController, Static, TunedCfl, nominal
 from sph_gym.controllers.rules import XSPH_RANGE
 from sph_gym.env import SCENES
 from sph_gym.env.instances import instance
@@ -80,3 +80,20 @@ def test_the_tuned_rule_is_stable(scene, number):
     while sim.time < 0.5 * sim.scene.duration:
         sim.controls = TunedCfl()(sim)
         assert not sim.advance(sim.scene.frame).diverged
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Static(0.0, 1.0, 0.3), "courant: "),
+        (lambda: Static(0.75, "a", 0.3), "sound: "),
+        (lambda: Static(0.75, 1.0, -0.1), "xsph: "),
+        (lambda: TunedCfl(courant=0.0), "courant: "),
+        (lambda: TunedCfl(floor=0.0), "floor: "),
+        (lambda: TunedCfl(mach=-1.0), "mach: "),
+        (lambda: PiController(setpoint=0.0), "setpoint: "),
+    ],
+)
+def test_constants_that_no_rule_can_have_are_named(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

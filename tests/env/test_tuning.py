@@ -573,3 +573,16 @@ def test_a_video_is_recorded(tmp_path):
     gc.collect()
     (film,) = tmp_path.glob("films/*.mp4")
     assert film.stat().st_size > 1000
+
+
+@pytest.mark.parametrize("wrong", [(-1e-3, 1e5, 0.3), (1e-3, 1e5), None])
+def test_only_controls_have_an_action(env, wrong):
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="controls"):
+        env.action_toward(wrong)
+
+
+def test_plain_numbers_are_controls(env):
+    env.reset(seed=0)
+    wanted = env.sim.controls
+    assert np.array_equal(env.action_toward(tuple(wanted)), env.action_toward(wanted))

@@ -60,7 +60,7 @@ def _add_settings(run: Parser) -> None:
     add("--stiffness", type=float, help="Tait's B [Pa]")
     add("--xsph", type=float, help="XSPH epsilon")
     text = f"what sets these three in every frame: {', '.join(CONTROLLERS)}, an algorithm with a "
-    text += "network, such as ppo, or FILE.npz of a network of your own"
+    text += "network, such as ppo_warm, or FILE.npz of a network of your own"
     completed(add("--controller", metavar="NAME", help=text), CONTROLLERS)
     add("--dtype", default="float64", help="float64 or float32")
     add("--neighbors", default="grid", help="grid, or brute: is the search to blame?")

@@ -86,8 +86,7 @@ class TunedCfl:
 
     def __post_init__(self) -> None:
         positive("courant", self.courant)
-        positive("floor", self.floor)
-        for name in ("mach", "fastest", "xsph", "xsph_slope"):
+        for name in ("mach", "fastest", "floor", "xsph", "xsph_slope"):
             in_range(name, getattr(self, name), 0.0)
 
     def __call__(self, sim: Simulation) -> Controls:

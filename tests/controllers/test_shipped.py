@@ -68,14 +68,14 @@ def test_a_network_of_choices_returns_the_one_of_most_value(folder):
 
 
 def test_without_any_network_it_says_so(folder):
-    with pytest.raises(ValueError, match="shipped: no network comes with this version"):
+    with pytest.raises(ValueError, match="family: no network comes with this version"):
         shipped("dam_break")
 
 
 def test_unknown_names_are_refused(folder):
     put(folder, "ppo_benchmark")
     choose(folder, dam_break="ppo_benchmark")
-    with pytest.raises(ValueError, match="shipped: expected one of dam_break, got 'dambreak'"):
+    with pytest.raises(ValueError, match="family: expected one of dam_break, got 'dambreak'"):
         shipped("dambreak")
     with pytest.raises(ValueError, match="network: expected one of ppo_benchmark, got 'ppo'"):
         load("ppo")

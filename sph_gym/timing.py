@@ -1,5 +1,6 @@
 """Time that can be compared: runs side by side, in turns, on one core."""
 
+import ctypes
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -19,16 +20,18 @@ WORK = 400_000
 
 
 @contextmanager
-def pinned(threads: int = 1) -> Iterator[None]:
+def pinned(threads: int = 1, here: bool = False) -> Iterator[None]:
     """Keep this thread, and what it starts, on one core, where the system lets it; 1 thread only.
 
+    here: on the core where it is, so that processes side by side are not all kept on the first one.
     The core is put back afterwards. With several threads nothing is done.
     """
     if threads > 1 or not hasattr(os, "sched_setaffinity"):
         yield
         return
     before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {min(before)})
+    core = ctypes.CDLL(None).sched_getcpu() if here else min(before)
+    os.sched_setaffinity(0, {core})
     try:
         yield
     finally:

@@ -49,8 +49,8 @@ def add(commands: Any) -> None:
     text = "accuracy: run one kept point again; a hash of points.csv"
     add("--point", metavar="KEY", help=text)
     add("--output", default="runs/studies", help="folder of the CSV file")
-    text = f"headroom, exploits: where runs go: {', '.join(BACKENDS)}"
-    completed(add("--backend", default="local", help=text), BACKENDS)
+    text = "headroom, exploits, stability, accuracy: where runs go"
+    completed(add("--backend", help=f"{text}: {', '.join(BACKENDS)}"), BACKENDS)
     add("--address", help="of a running cluster of Ray or Dask")
     add("--workers", type=int, help="side by side on this machine; by default one a processor")
 
@@ -66,7 +66,8 @@ def _study(options: argparse.Namespace) -> Outcome:
 
         return Outcome(rerun(options.point, Path(options.output) / "accuracy"))
     peers = Peers(Path(options.peers), options.peers_python) if options.peers else None
-    backend = Backend(options.backend, options.address, options.workers)
+    where = {"name": options.backend, "address": options.address, "workers": options.workers}
+    given = {option: value for option, value in where.items() if value is not None}
     return Outcome(
         run_study(
             options.name,
@@ -75,6 +76,6 @@ def _study(options: argparse.Namespace) -> Outcome:
             peers,
             options.scenes,
             options.again,
-            backend,
+            Backend(**given) if given else None,
         )
     )

@@ -19,7 +19,7 @@ from sph_gym.studies import (
     throughput,
     validation,
 )
-from sph_gym.studies.backends import LOCAL, Backend
+from sph_gym.studies.backends import Backend
 from sph_gym.studies.peers import Peers
 from sph_gym.studies.table import Row, show, write
 
@@ -61,21 +61,22 @@ def run_study(
     peers: Peers | None = None,
     chosen: Sequence[str] | None = None,
     again: bool = False,
-    backend: Backend = LOCAL,
+    backend: Backend | None = None,
 ) -> int:
     """Run a study, print its table, write `folder`/NAME.csv and, on the machine, NAME.json.
 
     A part of a study is called after the part: stability_quick, accuracy_SCENE.
     The file grows with every row, so that an interrupted study leaves what it has measured.
     chosen: scenes of the studies that go by scenes; again: validate anew what was validated
-    before, or take the times of `accuracy` anew; backend: where runs go.
+    before, or take the times of `accuracy` anew; backend: where runs go, None for the place that
+    the study chooses.
     Returns 1 if a row misses its bound, else 0. Raises ValueError that lists the known studies,
     and for options of another study.
     """
     study = _STUDIES[known("study", name, _STUDIES)]
     place = Path(folder)
     options: dict[str, Any] = {"folder": place} if _takes(name, "folder") else {}
-    asked = None if backend == LOCAL else backend.checked()
+    asked = None if backend is None else backend.checked()
     for option, value in (
         ("peers", peers), ("chosen", chosen), ("again", again), ("backend", asked),
     ):  # fmt: skip

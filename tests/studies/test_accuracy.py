@@ -16,6 +16,8 @@ from sph_gym.scenes.shared.refinement import RMS, refinement
 from sph_gym.studies import accuracy
 from sph_gym.studies.accuracy import agents, analysis, plan, points, study
 from sph_gym.studies.accuracy.points import Sampling, measure_point
+from sph_gym.studies.backends import LOCAL, Backend
+from tests.studies.test_jobs import run_here
 
 DROP = replace(refinement("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
 SMALL = plan.StudyPlan(
@@ -316,6 +318,29 @@ def test_the_study_writes_rows_tables_and_pictures_and_goes_on_where_it_was(
         assert (folder / f"{name}.png").stat().st_size > 20_000
     monkeypatch.setattr(points, "execute", lambda *a: pytest.fail("run again"))
     assert list(study.measure(False, tmp_path))[:-1] == rows
+
+
+def check_backend(backend, plan, folder, monkeypatch):
+    """All points of the drop are the same from a backend as from this process, times apart."""
+    expected = study.collect(DROP, plan, Sampling(folder / "here", 1))
+    there = Sampling(folder / "there", 1)
+    study.measure_ahead([DROP], plan, there, backend)
+    monkeypatch.setattr(points, "execute", lambda *a: pytest.fail("run again"))
+    found = study.collect(DROP, plan, there)
+    assert all(point.wall > 0 for point in found)
+    names = ("key", "knob", "setting", "error", "interactions", "substeps")
+    for name in names:
+        assert [getattr(p, name) for p in found] == [getattr(p, name) for p in expected]
+
+
+def test_points_and_series_can_be_measured_on_a_backend(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "run_jobs", run_here)
+    check_backend(LOCAL, SMALL, tmp_path, monkeypatch)
+
+
+@pytest.mark.slow
+def test_points_are_the_same_from_workers(tmp_path, monkeypatch):
+    check_backend(Backend(workers=2), SMALL._replace(chain=False), tmp_path, monkeypatch)
 
 
 def test_scenes_and_options_are_checked(tmp_path, capsys):

@@ -14,6 +14,7 @@ from agents.policies import Spec
 from sph_gym.studies.backends import OBJECT_STORE, RAY_SETTINGS, Backend
 from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
+from tests.studies import test_accuracy, test_stability
 from tests.studies.test_jobs import fragile, square
 
 pytestmark = [
@@ -81,6 +82,15 @@ def test_episodes_give_the_same_bytes_as_on_this_machine(backend, tmp_path):
         tables.append(path.read_bytes())
     assert tables[0] == tables[1]
     assert len(pd.read_csv(path)) == len(specs)
+
+
+def test_hard_cases_give_the_same_bytes_as_in_this_process(backend, tmp_path, monkeypatch):
+    test_stability.check_backend(backend, tmp_path, monkeypatch)
+
+
+def test_points_are_the_same_as_in_this_process(backend, tmp_path, monkeypatch):
+    plan = test_accuracy.SMALL._replace(chain=False)
+    test_accuracy.check_backend(backend, plan, tmp_path, monkeypatch)
 
 
 def test_a_failure_keeps_what_is_done_and_says_what_it_was(backend, tmp_path):

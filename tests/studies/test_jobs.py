@@ -1,5 +1,6 @@
 import multiprocessing
 import os
+import pickle
 import signal
 import time
 
@@ -20,6 +21,15 @@ def square(x, folder):
     if x == 14:
         raise KeyboardInterrupt
     return {"square": x * x, "third": x / 3}
+
+
+def run_here(function, jobs, keys, results, title, backend):
+    """`run_jobs` in this process, of what a worker would get."""
+    sent = pickle.loads(pickle.dumps((function, jobs)))
+    return [
+        results.get(key, lambda job=job: sent[0](*job))
+        for key, job in zip(keys, sent[1], strict=True)
+    ]
 
 
 def fragile(x, folder):

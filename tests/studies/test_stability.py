@@ -13,9 +13,11 @@ from sph_gym.solver import simulation
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.simulation import Report
 from sph_gym.studies import stability
+from sph_gym.studies.backends import Backend
 from sph_gym.studies.stability import jets, limits, memory, runs
 from sph_gym.studies.stability.case import VARIANTS, Variant, stable_step
 from sph_gym.studies.stability.checks import n_passed
+from sph_gym.studies.table import write
 
 CASES = {case.name: case for case in stability.cases()}
 AS_IT_IS = VARIANTS[0]
@@ -196,6 +198,23 @@ def test_finished_runs_are_kept(tmp_path, monkeypatch):
     assert len(list(tmp_path.glob("*.json"))) == 3 * 2
     monkeypatch.setattr(runs, "run", lambda *arguments: pytest.fail("run twice"))
     assert list(stability.catalogue(True, tmp_path, chosen)) == first
+
+
+def check_backend(backend, folder, monkeypatch):
+    """Two cases give the same table from a backend as from this process."""
+    few = [CASES[name] for name in ("one particle", "two particles")]
+    monkeypatch.setattr(stability, "cases", lambda: few)
+    monkeypatch.setattr(stability, "QUICK_VARIANTS", VARIANTS[:1])
+    monkeypatch.setattr(stability, "QUICK_SCENES", ())
+    write(list(stability.catalogue(True, folder / "here")), folder / "here.csv")
+    stability.run_ahead(True, folder / "there", backend)
+    monkeypatch.setattr(runs, "run", lambda *arguments: pytest.fail("run twice"))
+    write(list(stability.catalogue(True, folder / "there")), folder / "there.csv")
+    assert (folder / "there.csv").read_bytes() == (folder / "here.csv").read_bytes()
+
+
+def test_cases_give_the_same_table_from_workers(tmp_path, monkeypatch):
+    check_backend(Backend(workers=1), tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize("result", [[], [7], 5, None, [1, 0, "", {}], [1, 0, "", {"silent": "0"}]])

@@ -9,9 +9,11 @@ import pytest
 from sph_gym import Simulation
 from sph_gym.solver.failure import CAUSES
 from sph_gym.studies import stability
+from sph_gym.studies.backends import LOCAL
 from sph_gym.studies.stability import figures, limits, maps
 from sph_gym.studies.stability.maps import MapGrid, MapPoint
 from sph_gym.studies.table import Row
+from tests.studies.test_jobs import run_here
 
 GRID = MapGrid((0.5, 1.0, 2.0, 4.0, 8.0), (0.5, 1.0), (0.0, 0.3))
 
@@ -63,6 +65,19 @@ def test_finished_runs_are_kept(tmp_path, played):
     assert len(played) == n
     assert len(looks) >= n
     assert str(again.points) == str(first.points)
+
+
+def test_a_grid_that_was_run_on_a_backend_is_not_run_again(tmp_path, played, monkeypatch):
+    expected = survey(tmp_path / "here")
+    played.clear()
+    monkeypatch.setattr(stability, "cases", list)
+    monkeypatch.setattr(stability, "run_jobs", run_here)
+    monkeypatch.setattr(maps, "QUICK", GRID)
+    stability.run_ahead(True, tmp_path / "there", LOCAL)
+    assert len(set(played)) == len(played) == np.prod([len(values) for values in GRID[:3]])
+    found = survey(tmp_path / "there")
+    assert len(set(played)) == len(played)
+    assert str(found.points) == str(expected.points)
 
 
 def test_a_real_run_is_stable_below_the_rule_and_not_far_above():

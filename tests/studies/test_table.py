@@ -78,6 +78,13 @@ def test_only_one_study_has_peers(tmp_path):
         studies.run_study("validation", folder=tmp_path, peers=Peers(tmp_path))
 
 
+@pytest.mark.parametrize("words", [("--backend", "local"), ("--workers", "2")])
+def test_a_backend_is_refused_by_studies_that_have_none(tmp_path, capsys, words):
+    assert main(["study", "soak", "--output", str(tmp_path), *words]) == 2
+    owners = "headroom and exploits and stability and accuracy"
+    assert f"backend: only the studies {owners} have it, not soak" in capsys.readouterr().err
+
+
 def test_peers_are_a_folder_with_the_script(tmp_path):
     with pytest.raises(ValueError, match=r"--peers: no .*taichi_bench\.py"):
         studies.run_study("throughput", folder=tmp_path, peers=Peers(tmp_path))

@@ -142,9 +142,10 @@ def test_pinning_is_undone():
     before = os.sched_getaffinity(0)
     with pinned(2):
         assert os.sched_getaffinity(0) == before
-    with pinned():
-        assert len(os.sched_getaffinity(0)) == 1
-    assert os.sched_getaffinity(0) == before
+    for here in (False, True):
+        with pinned(here=here):
+            assert len(os.sched_getaffinity(0)) == 1
+        assert os.sched_getaffinity(0) == before
 
 
 def test_compiling_is_measured(monkeypatch):

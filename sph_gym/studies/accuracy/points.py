@@ -26,6 +26,7 @@ from sph_gym.scenes.shared.refinement import Refinement, refinement
 from sph_gym.studies import machine
 from sph_gym.studies.accuracy import agents
 from sph_gym.studies.results import COMMON, Results
+from sph_gym.timing import pinned
 
 # Runs that are short are repeated, up to so much time [s] and so many runs.
 PATIENCE, MOST = 0.1, 5
@@ -162,6 +163,16 @@ def measure_point(
         kept["times"].append(times)
         points.save(key, kept)
     return make_point(facts, kept)
+
+
+def measure_apart(case: Refinement, setting: Setting, repeats: int) -> dict[str, Any]:
+    """Return what is kept of a point, measured by a worker that needs no folder of the study."""
+    with pinned(here=True), TemporaryDirectory() as scratch:
+        sampling = Sampling(Path(scratch), repeats)
+        measure_point(case, "", setting, sampling)
+        points = sampling.results("points", setting)
+        kept: dict[str, Any] = points.load(key_of(case, setting, 0))
+    return kept
 
 
 def _is_enough(kept: dict[str, Any], repeats: int) -> bool:

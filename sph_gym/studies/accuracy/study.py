@@ -2,21 +2,24 @@
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 
 from sph_gym.extras import progress_bar
 from sph_gym.recommend.series import slope
-from sph_gym.recommend.settings import Setting
+from sph_gym.recommend.settings import Setting, is_agent, nominal
 from sph_gym.scenes.shared.refinement import Refinement, refinement
 from sph_gym.solver.checks import known
 from sph_gym.studies.accuracy import analysis, figures, promises, pysph, tables
 from sph_gym.studies.accuracy import plan as planning
 from sph_gym.studies.accuracy.analysis import TIME
 from sph_gym.studies.accuracy.plan import FULL, QUICK, StudyPlan
-from sph_gym.studies.accuracy.points import Point, Sampling, measure_point
+from sph_gym.studies.accuracy.points import Point, Sampling, key_of, measure_apart, measure_point
+from sph_gym.studies.backends import Backend
+from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.peers import Peers
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
@@ -31,6 +34,9 @@ BRIEFLY = 2
 # Series that are usually run at all resolutions.
 USUAL_SERIES = 8
 
+# Knob and setting of a point, and how it is measured.
+Wanted = tuple[str, Setting, Sampling]
+
 
 def measure(
     quick: bool,
@@ -38,11 +44,13 @@ def measure(
     chosen: Sequence[str] | None = None,
     again: bool = False,
     peers: Peers | None = None,
+    backend: Backend | None = None,
 ) -> Iterator[Row]:
     """Yield rows of every scene; tables and pictures are written scene by scene.
 
     chosen: only these scenes; again: take all times anew (errors stay); peers: the folder of the
-    script for PySPH and the Python that runs it. Finished runs are kept in `folder`/accuracy.
+    script for PySPH and the Python that runs it; backend: where most runs go, None for this
+    process, whose times are the quietest. Finished runs are kept in `folder`/accuracy.
     Raises ImportError that names the extra to install, ValueError for unknown scenes, and OSError,
     before anything is run, for folders that can't be written to.
     """
@@ -58,6 +66,8 @@ def measure(
         Results(place).check_writable()
     every, trials = list[Point](), list[promises.TriedRecommendation]()
     wanted = list(chosen or plan.scenes)
+    if backend is not None:
+        measure_ahead([refinement(name) for name in wanted], plan, sampling, backend)
     for k, name in enumerate(wanted, 1):
         case = refinement(name)
         points = collect(case, plan, sampling, f"{name}, scene {k} of {len(wanted)}")
@@ -79,27 +89,61 @@ def measure(
 
 def collect(case: Refinement, plan: StudyPlan, sampling: Sampling, title: str = "") -> list[Point]:
     """Return all points of a scene: the nominal one first, then its sweeps, then combined ones."""
-    turned = list(planning.sweeps(plan, case))
+    n_turned, n_sizes = len(list(planning.sweeps(plan, case))), len(planning.sizes(plan, case))
     points: dict[Setting, Point] = {}
-    with progress_bar(len(turned) + USUAL_SERIES * len(planning.sizes(plan, case)), title) as bar:
-
-        def get(knob: str, setting: Setting, sampling: Sampling) -> None:
-            if setting not in points:
-                points[setting] = measure_point(case, knob, setting, sampling)
-                bar.total = max(bar.total, len(points))
-                bar.update()
-
-        # whether they count is only known afterwards
-        once = sampling._replace(repeats=min(sampling.repeats, BRIEFLY))
-        for knob, setting in turned:
-            get(knob, setting, once)
-        for series in planning.combined(plan, case, points):
-            for setting in planning.at_all_sizes(plan, case, series):
-                get(analysis.COMBINED, setting, sampling)
-        for series in planning.alone(plan, case, points):
-            for setting in planning.at_all_sizes(plan, case, series):
-                get(analysis.COMBINED, setting, once)
+    with progress_bar(n_turned + USUAL_SERIES * n_sizes, title) as bar:
+        for batch in batches(case, plan, sampling, points):
+            for knob, setting, how in batch:
+                if setting not in points:
+                    points[setting] = measure_point(case, knob, setting, how)
+                    bar.total = max(bar.total, len(points))
+                    bar.update()
         return analysis.at_usual_speed(repeat_counted(case, list(points.values()), sampling))
+
+
+def batches(
+    case: Refinement, plan: StudyPlan, sampling: Sampling, points: Mapping[Setting, Point]
+) -> Iterator[list[Wanted]]:
+    """Yield the points of a scene, in batches that depend only on those before.
+
+    points: to which those of a batch have been added when the next one is asked for.
+    """
+    # whether they count is only known afterwards
+    once = sampling._replace(repeats=min(sampling.repeats, BRIEFLY))
+    yield [(knob, setting, once) for knob, setting in planning.sweeps(plan, case)]
+    for series in planning.combined(plan, case, points):
+        at_sizes = planning.at_all_sizes(plan, case, series)
+        yield [(analysis.COMBINED, setting, sampling) for setting in at_sizes]
+    yield [
+        (analysis.COMBINED, setting, once)
+        for series in planning.alone(plan, case, points)
+        for setting in planning.at_all_sizes(plan, case, series)
+    ]
+
+
+def measure_ahead(
+    cases: Sequence[Refinement], plan: StudyPlan, sampling: Sampling, backend: Backend
+) -> None:
+    """Measure points of all scenes side by side on a backend, so that `collect` finds them.
+
+    Points of agents, which play before anything is timed, are left to it; so are times that are
+    taken anew.
+    """
+    kept = sampling._replace(again=False)
+    store = kept.results("points", nominal(cases[0]))
+    found = [(case, dict[Setting, Point]()) for case in cases]
+    for step in zip_longest(*(batches(case, plan, kept, own) for case, own in found), fillvalue=[]):
+        wanted = [
+            (case, own, knob, setting, how)
+            for (case, own), batch in zip(found, step, strict=True)
+            for knob, setting, how in batch
+            if not is_agent(setting.controller)
+        ]
+        jobs = [(case, setting, kept.repeats) for case, _, _, setting, _ in wanted]
+        keys = [key_of(case, setting, 0) for case, setting, _ in jobs]
+        run_jobs(measure_apart, jobs, keys, store, "points", backend)
+        for case, own, knob, setting, how in wanted:
+            own[setting] = measure_point(case, knob, setting, how)
 
 
 def repeat_counted(case: Refinement, points: Sequence[Point], sampling: Sampling) -> list[Point]:

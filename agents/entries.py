@@ -2,8 +2,9 @@
 
 A file holds the runs of one agent and the digests of what decides them: the manifests (which flows
 the ids mean, and their references), the networks or the table of settings, and the sources. Runs
-are the same wherever they are repeated, to the last digit; only the policy's own time isn't, so it
-is one number, with the machine.
+are the same wherever they are repeated, to the last digit, as long as the processor has the same
+vectors: others add up in another order. Only the policy's own time isn't, so it is one number, with
+the machine.
 """
 
 import json
@@ -19,6 +20,7 @@ from sph_gym.env import instances, manifest
 from sph_gym.env.selection import GROUPS
 from sph_gym.files import atomic_write
 from sph_gym.provenance import content_hash, source_hash
+from sph_gym.solver import target
 from sph_gym.solver.checks import known
 from sph_gym.studies import machine
 from sph_gym.studies.results import COMMON
@@ -45,10 +47,14 @@ class Agent(NamedTuple):
 
     @property
     def networks(self) -> dict[str, str]:
-        """Digests of its networks by the names of their files. Raises OSError without a file."""
-        specs = (spec for family in self.specs.values() for spec in family)
-        paths = {Path(spec.network) for spec in specs if spec.network is not None}
-        return {f"{path.parent.name}/{path.name}": content_hash(path) for path in sorted(paths)}
+        """Digests of its networks by the names of their files, training by training.
+
+        Raises OSError without a file.
+        """
+        trainings = zip(*self.specs.values(), strict=True)
+        specs = (spec for families in trainings for spec in families)
+        paths = [Path(spec.network) for spec in specs if spec.network is not None]
+        return {f"{path.parent.name}/{path.name}": content_hash(path) for path in paths}
 
     @property
     def table(self) -> str | None:
@@ -129,6 +135,7 @@ def make(agent: Agent, runs: pd.DataFrame) -> LeaderboardEntry:
         "manifests": manifests(),
         "policy_microseconds": round(1e6 * float(runs[CLOCK].median()), 1),
         "processor": machine.describe()["processor"],
+        "vectors": target.description(),
     }
     table = runs[list(COLUMNS)].copy()
     table["order"] = table["instance"].map(_order)

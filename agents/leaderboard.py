@@ -20,6 +20,7 @@ from sph_gym.env.distributions import FAMILIES
 from sph_gym.env.instances import SIZES, SPACING
 from sph_gym.env.instances import parse as parse_instance
 from sph_gym.files import atomic_write
+from sph_gym.solver import target
 from sph_gym.solver.checks import known, whole
 
 PAGE = Path(__file__).parents[1] / "docs" / "agents.md"
@@ -129,7 +130,9 @@ def _write(agent: Agent, kept: LeaderboardEntry | None, played: pd.DataFrame, fo
         return entries.write(entries.make(agent, played), folder)
     if played.empty:
         return entries.write(kept, folder)
-    return entries.write(entries.make(agent, pd.concat([kept.runs, played])), path.parent)
+    made = entries.make(agent, pd.concat([kept.runs, played]))
+    networks = max(kept.about["networks"], agent.networks, key=len)
+    return entries.write(made._replace(about=made.about | {"networks": networks}), folder)
 
 
 def _keys(entry: LeaderboardEntry | None) -> set[tuple[int, str]]:
@@ -144,16 +147,19 @@ def _keys(entry: LeaderboardEntry | None) -> set[tuple[int, str]]:
 def kept_runs(agent: Agent, args: LeaderboardArgs) -> LeaderboardEntry | None:
     """Return what the file of an agent holds, None if it was made with anything else.
 
-    With other sources it holds if some of its runs come out the same, digit by digit.
+    With other sources it holds if some of its runs come out the same, digit by digit. Trainings may
+    be added to it, and its first ones are enough to go on with it, under whatever names.
     """
     path = entries.path_of(agent.name, args.results)
     if not path.exists():
         return None
     entry = entries.read(path)
     about = entry.about
-    present = (agent.networks, agent.table, entries.manifests())
+    given, made = list(agent.networks.values()), list(about["networks"].values())
+    n = min(len(given), len(made)) or None
     dropped = f"so its {len(entry.runs)} runs are dropped and those asked for are played"
-    if (about["networks"], about.get("table"), about["manifests"]) != present:
+    present = (given[:n], agent.table, entries.manifests())
+    if (made[:n], about.get("table"), about["manifests"]) != present:
         print(f"{agent.name}: other networks, settings or flows than in {path}, {dropped}")
         return None
     if about["sources"] == entries.sources():
@@ -163,14 +169,18 @@ def kept_runs(agent: Agent, args: LeaderboardArgs) -> LeaderboardEntry | None:
         return None
     if differing := verify(agent, entry, args):
         print(f"{agent.name}: {differing} come out otherwise than in {path}, {dropped}")
+        if about.get("vectors") != target.description():
+            print(f"(made with {about.get('vectors')}, played with {target.description()})")
         return None
-    return LeaderboardEntry({**about, "sources": entries.sources()}, entry.runs)
+    now = {"sources": entries.sources(), "vectors": target.description()}
+    return LeaderboardEntry(about | now, entry.runs)
 
 
 def verify(agent: Agent, entry: LeaderboardEntry, args: LeaderboardArgs) -> list[str]:
     """Replay some runs of every family; return the instances whose numbers differ."""
     families = entry.runs["instance"].str.split("/").str[0]
-    chosen = entry.runs.groupby(families).head(args.verify)
+    played = entry.runs["training"] < len(agent.specs[GAMES[0]])
+    chosen = entry.runs[played].groupby(families).head(args.verify)
     jobs = []
     for row in chosen.itertuples():
         family, number = row.instance.split("/")[0], parse_instance(row.instance).number

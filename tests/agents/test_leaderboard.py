@@ -268,6 +268,10 @@ def test_results_of_other_sources_are_kept_only_if_some_come_out_the_same(tmp_pa
     leaderboard.play(args(tmp_path, verify=1))
     assert len(played) == 2 + 6
     assert "come out otherwise" in capsys.readouterr().out
+    runs[0][2] += 1e-6
+    change(path, sources="other", vectors="none", runs=runs)
+    leaderboard.play(args(tmp_path, verify=1))
+    assert "(made with none, played with " in capsys.readouterr().out
 
 
 def test_other_networks_and_flows_make_other_results(tmp_path, played, capsys):
@@ -286,6 +290,35 @@ def test_other_networks_and_flows_make_other_results(tmp_path, played, capsys):
     leaderboard.play(args(tmp_path, **mine))
     assert len(played) == 6
     assert capsys.readouterr().out.count("other networks, settings or flows") == 2
+
+
+def test_trainings_can_be_added_and_the_first_ones_are_enough_to_verify(tmp_path, played):
+    paths = [tmp_path / f"seed{k}" / "network.npz" for k in range(3)]
+    for k, path in enumerate(paths):
+        path.parent.mkdir()
+        tiny(seed=k).save(path)
+    networks = tuple(map(str, paths))
+    mine = {"learner": "ppo-mine", "n_instances": 1}
+    (path,) = leaderboard.play(args(tmp_path, **mine, networks=networks[:2]))
+    assert len(played) == 4
+    played.clear()
+    leaderboard.play(args(tmp_path, **mine, networks=networks))
+    assert [job.spec.network for job in played] == [networks[2]] * 2
+    before = entries.read(path)
+    assert list(before.about["networks"]) == [f"seed{k}/network.npz" for k in range(3)]
+    # the package has the first one only, and by another name
+    shipped = tmp_path / "shipped.npz"
+    paths[0].rename(shipped)
+    change(path, sources="other", vectors="512 bits")
+    played.clear()
+    leaderboard.play(args(tmp_path, **mine, networks=(str(shipped),), verify=9))
+    assert [job.spec.network for job in played] == [str(shipped)] * 2
+    after = entries.read(path)
+    assert after.about == before.about
+    pd.testing.assert_frame_equal(after.runs, before.runs)
+    leaderboard.play(args(tmp_path, learner="ppo-mine", n_instances=2, networks=(str(shipped),)))
+    assert entries.read(path).about["networks"] == before.about["networks"]
+    assert len(entries.read(path).runs) == 6 + 2
 
 
 def test_other_settings_make_other_results_of_a_static_agent(tmp_path, played):

@@ -11,6 +11,7 @@ from agents.arguments import launch
 from agents.exports import plain_network
 from agents.training import Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
+from sph_gym.solver.checks import known
 
 
 class DoubleDQN(DQN):
@@ -63,6 +64,7 @@ def export(model: DoubleDQN, action_mode: str) -> Network:
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
     training = Training("dqn", args, export, trial)
+    known("action_mode", training.action_mode, ("discrete",))
     envs = training.make_envs()
     if args.resume:
         model = DoubleDQN.load(training.checkpoint(), env=envs, device="cpu")

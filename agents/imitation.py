@@ -21,19 +21,15 @@ from agents import lessons
 from agents.arguments import BackendArgs, launch, option
 from agents.exports import plain_network
 from agents.lessons import TEACHERS, Lesson
-from agents.training import hyperparameters
+from agents.training import CONTINUOUS, hyperparameters
 from agents.validation import RETURN, Validation, validation_ids
 from sph_gym.controllers import Network
-from sph_gym.env.actions import MODES
 from sph_gym.env.instances import SIZES
 from sph_gym.env.selection import members
 from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import known, whole
 from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
-
-# Kinds of actions that a network can learn by their distance to the teacher's.
-CONTINUOUS = tuple(mode for mode in MODES if mode != "discrete")
 
 
 @dataclass

@@ -6,8 +6,9 @@ from stable_baselines3 import SAC
 
 from agents.arguments import launch
 from agents.exports import plain_network
-from agents.training import Training, TrainingArgs, Trial
+from agents.training import CONTINUOUS, Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
+from sph_gym.solver.checks import known
 
 
 def export(model: SAC, action_mode: str) -> Network:
@@ -19,6 +20,7 @@ def export(model: SAC, action_mode: str) -> Network:
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
     training = Training("sac", args, export, trial)
+    known("action_mode", training.action_mode, CONTINUOUS)
     envs = training.make_envs()
     if args.resume:
         model = SAC.load(training.checkpoint(), env=envs, device="cpu")

@@ -26,6 +26,8 @@ from sph_gym.env.stable_baselines import TuningVecEnv
 from sph_gym.solver.checks import known, whole
 
 FOLDER = Path(__file__).parent
+# Kinds of actions for algorithms that learn three numbers.
+CONTINUOUS = tuple(mode for mode in actions.MODES if mode != "discrete")
 
 
 @dataclass

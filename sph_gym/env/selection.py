@@ -10,6 +10,7 @@ from sph_gym.env import instances, manifest, viscous
 from sph_gym.env.distributions import FAMILIES
 from sph_gym.env.fingerprint import fingerprint
 from sph_gym.env.reference import n_frames
+from sph_gym.env.registration import env_id
 from sph_gym.solver.checks import known, positive
 from sph_gym.solver.scene import Scene
 
@@ -35,6 +36,24 @@ def own_scene(scene: Any) -> Any:
     Raises ValueError for other dictionaries.
     """
     return Scene.from_dict(scene) if isinstance(scene, Mapping) else scene
+
+
+def check_id(id_: str, scene: Any) -> None:
+    """Raise ValueError unless an id may show the scene: its own, or one of those of its group.
+
+    Ids of the user's own, and Custom, show whatever they are given.
+    """
+    names = {env_id(name): name for name in (*FAMILIES, *GROUPS)}
+    if id_ not in names:
+        return
+    shown = members(names[id_])
+    if isinstance(scene, str) and set(members(scene)) <= set(shown):
+        return
+    given, right = (repr(scene), scene) if isinstance(scene, str) else ("a Scene", "custom")
+    raise ValueError(
+        f"scene: expected {' or '.join(map(repr, shown))}, which {id_} shows, got {given}: "
+        f"make {env_id(right)!r} for that"
+    )
 
 
 class Selection:

@@ -18,7 +18,7 @@ from sph_gym.env.episode import Episode
 from sph_gym.env.fingerprint import digest
 from sph_gym.env.identity import Identity, identify
 from sph_gym.env.rules import ARGUMENTS, Rules
-from sph_gym.env.selection import Selection
+from sph_gym.env.selection import Selection, check_id
 from sph_gym.solver.checks import known, whole
 from sph_gym.solver.plain import to_plain
 from sph_gym.solver.scene import Scene
@@ -38,7 +38,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
 
     ## Arguments
     - `scene`: the name of a scene, "mixed" for any of them, "benchmark" for any that is no
-      diagnostic, or a `Scene` of your own, also as its `Scene.to_dict()`
+      diagnostic, or a `Scene` of your own, also as its `Scene.to_dict()`; an id brings its own, and
+      only Custom takes any other
     - `dx`: particle spacing [m], by default a coarse one
     - `instances`: "nominal" or a numbered set, "train", "val", "test" or "ood", from which every
       reset draws with the environment's own generator; or a list of ids, which resets show in
@@ -314,6 +315,10 @@ def _plain_argument(value: Any) -> Any:
 
 
 def plain_spec(spec: EnvSpec, n_steps: int | None) -> EnvSpec:
-    """Return a spec as plain data for JSON; n_steps: of every episode, unless it has a limit."""
+    """Return a spec as plain data for JSON; n_steps: of every episode, unless it has a limit.
+
+    Raises ValueError for the id of another scene, which `gymnasium.make` doesn't see.
+    """
+    check_id(spec.id, spec.kwargs.get("scene"))
     kwargs = {name: _plain_argument(value) for name, value in spec.kwargs.items()}
     return replace(spec, kwargs=kwargs, max_episode_steps=spec.max_episode_steps or n_steps)

@@ -42,6 +42,11 @@ class Simulation:
     threads: the most to use, by default one for every 2000 fluid particles and no more than the
     CPUs that the process may use; where more wouldn't pay, fewer are used, and the result is
     bitwise the same for any number. `controls` may be set at any time between two calls.
+
+    `x`, `v`, `rho`, `p` and `a` are copies: they may be written to, which changes no simulation.
+    To go on from another state, make a `Simulation` of `dataclasses.replace(scene, x=..., v=...)`;
+    rho, p and a follow from x.
+
     Raises ValueError for unknown names, for less than one thread, and for lengths whose powers
     the precision can't hold.
     """

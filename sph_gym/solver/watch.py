@@ -7,7 +7,7 @@ import numpy as np
 
 from sph_gym.solver.container import lowest_fill
 from sph_gym.solver.diagnostics import CLUMPED, Totals
-from sph_gym.solver.door import oddities
+from sph_gym.solver.door import is_narrow, oddities
 from sph_gym.solver.engine import Engine
 from sph_gym.solver.jit import jit
 from sph_gym.solver.kernels import MATCHED
@@ -28,6 +28,8 @@ HEATED = (
     "kernel {0!r} is no matched pair, which heats a tank at rest: particles tremble and clump, and "
     "single pressures are off by a third; the default, wendland_c2, keeps it still"
 )
+# Advice on the volume where nothing else helps.
+WIDER = "a support of h = {0:.3g} dx is too narrow to keep it, h = 2.6 dx or more does"
 # Substeps between two looks at neighbours, and particle-steps before the first look at the level:
 # each look takes less than 1/500 of that time.
 LOOK_EVERY, LEVEL_AFTER = 500, 5_000_000
@@ -142,8 +144,15 @@ class Watch:
             limit = self._energy if kind == "energy" else limit
             held = worst.get(kind)
             if held is None or value > held.value:
-                worst[kind] = Warning(kind, value, limit, since, text.format(value))
+                worst[kind] = Warning(kind, value, limit, since, self._message(kind, text, value))
         return tuple(worst[kind] for kind in KINDS if worst.get(kind) is not None)
+
+    def _message(self, kind: str, text: str, value: float) -> str:
+        message = text.format(value)
+        if kind == "volume" and is_narrow(self._scene):
+            seen, *_ = message.split("; ")
+            return f"{seen}; {WIDER.format(self._scene.h / self._scene.dx)}"
+        return message
 
     def _at_the_door(self) -> Warning | None:
         odd = [*oddities(self._scene, self._ratio), *self._tank_at_rest()]

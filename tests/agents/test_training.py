@@ -11,13 +11,15 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 import yaml
+from stable_baselines3 import PPO
 
-from agents import training
+from agents import ppo, training
 from agents.checkpoints import newest_checkpoint
-from agents.exports import plain_network
+from agents.exports import checked_export, plain_network
 from agents.imitation import ImitationArgs, perceptron
 from agents.policies import Spec, build
 from sph_gym.env import env_id
+from sph_gym.env.stable_baselines import TuningVecEnv
 
 
 @pytest.fixture
@@ -158,6 +160,27 @@ def test_an_unknown_kind_of_actions_is_refused(table, env):
     table("ppo", default={"gamma": 0.9} | env)
     with pytest.raises(ValueError, match=r"action_mode: expected one of absolute, .*, got"):
         training.hyperparameters("ppo", "dam_break")
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "mode"), [("sac", "discrete"), ("dqn", "stable"), ("dqn", "absolute")]
+)
+def test_actions_that_cannot_be_learned_are_refused_at_the_door(table, tmp_path, algorithm, mode):
+    table(algorithm, default={"env": {"action_mode": mode}})
+    train = import_module(f"agents.{algorithm}").train
+    with pytest.raises(ValueError, match=f"action_mode: expected one of .*, got '{mode}'"):
+        train(training.TrainingArgs(output=tmp_path / "runs"))
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(("mode", "squash"), [("delta", "clip"), ("discrete", "none")])
+def test_ppo_exports_all_kinds_of_actions(mode, squash):
+    envs = TuningVecEnv(1, scene="relaxation", action_mode=mode)
+    model = PPO("MlpPolicy", envs, policy_kwargs={"net_arch": [8]}, seed=0, device="cpu")
+    # what only validations do, thousands of steps after the start
+    network = checked_export(model, lambda model: ppo.export(model, mode))
+    assert network.squash == squash
+    assert network.action.startswith(mode)
 
 
 @pytest.mark.parametrize("kept", ["stable", "absolute"])

@@ -24,6 +24,7 @@ from sph_gym.env.episode import INFO
 from sph_gym.env.identity import Identity
 from sph_gym.env.rules import Rules
 from sph_gym.env.vector import TuningVectorEnv
+from sph_gym.studies.exploits import TRICKS
 
 IDS = documentation.ids()
 SECTIONS = [
@@ -115,6 +116,21 @@ def test_labels_are_told_with_their_reasons(id_):
         assert reason == (instances.BENCHMARK if game else instances.DIAGNOSTIC[scene])
         assert headroom == FAMILIES[scene].gain
     assert all(f"- *{kind}*:" in page_of(id_) for kind in ("benchmark", "diagnostic")) == bool(told)
+
+
+def test_a_reason_names_the_benchmarks_on_which_a_trick_pays_in_the_mean():
+    guide = (Path(__file__).parents[2] / "docs" / "environments.md").read_text()
+    [names] = re.findall(r"^\|  \| (dam_break .*) \|$", guide, re.M)
+    names = names.split(" | ")
+    [rule] = re.findall(r"^\| \*\*tuned CFL\*\* \| (.*) \|$", guide, re.M)
+    limits = np.array(rule.replace("*", "").split(" | "), float)
+    tricks = re.findall(r"^\| [a-z ]+ \| (-?\d\.\d\d \(.*) \|$", guide, re.M)
+    means = np.array([[cell.split(" ")[0] for cell in row.split(" | ")] for row in tricks], float)
+    assert len(means) == len(TRICKS)
+    paying = {name for name, pays in zip(names, (means > limits).any(axis=0), strict=True) if pays}
+    named = set(re.findall("`(\\w+)`", instances.BENCHMARK))
+    assert named == paying == {"patch_impact"}
+    assert "on single flows some win" in instances.BENCHMARK
 
 
 def test_the_readme_has_the_labels_of_the_pages():

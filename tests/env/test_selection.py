@@ -143,6 +143,42 @@ def test_dictionaries_that_are_no_scene_are_refused(wrong):
             make()
 
 
+@pytest.mark.parametrize("make", [gym.make, gym.make_vec])
+@pytest.mark.parametrize(
+    ("id_", "scene", "right"),
+    [
+        ("sph_gym/DamBreak-v1", "drop_impact", ID),
+        ("sph_gym/DamBreak-v1", "mixed", "sph_gym/Mixed-v1"),
+        ("sph_gym/DamBreak-v1", SCENE, CUSTOM),
+        ("sph_gym/DamBreak-v1", SCENE.to_dict(), CUSTOM),
+        ("sph_gym/Benchmark-v1", "relaxation", "sph_gym/Relaxation-v1"),
+        ("sph_gym/Mixed-v1", SCENE, CUSTOM),
+    ],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_an_id_shows_no_other_scene_than_it_says(make, id_, scene, right):
+    with pytest.raises(ValueError, match=rf"scene: expected '.*, which {id_} shows, .*'{right}'"):
+        make(id_, scene=scene)
+
+
+def test_an_id_may_be_told_its_own_scene_and_a_group_one_of_its_scenes():
+    own = [(ID, "drop_impact"), ("sph_gym/Mixed-v1", "drop_impact"), (CUSTOM, "drop_impact")]
+    for id_, name in [*own, ("sph_gym/Mixed-v1", "benchmark"), ("sph_gym/Benchmark-v1", None)]:
+        given = {} if name is None else {"scene": name}
+        for env in (gym.make(id_, **given).unwrapped, gym.make_vec(id_, 2, **given).envs[0]):
+            assert env.selection.find("drop_impact/val/1/dx=0.08")
+
+
+def test_an_id_of_ones_own_shows_any_scene():
+    arguments = {"entry_point": "sph_gym.env.tuning:TuningEnv", "kwargs": {"scene": "dam_break"}}
+    gym.register("mine/Flow-v0", **arguments)
+    try:
+        env = gym.make("mine/Flow-v0", scene="drop_impact")
+    finally:
+        del gym.registry["mine/Flow-v0"]
+    assert env.unwrapped.selection.find(LIST[0])
+
+
 @pytest.mark.parametrize(
     ("id_", "arguments", "n_steps"),
     [

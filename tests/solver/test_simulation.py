@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from tests.cases import C0, DX, STIFFNESS, assert_close, fluid, scene, simulatio
 from tests.naive import Naive
 
 FIELDS = ("x", "v", "rho", "p", "a")
+ROOT = Path(__file__).parents[2]
 
 
 def assert_same(sim, other):
@@ -78,6 +80,28 @@ def test_pressure_and_acceleration_follow_the_stiffness_at_once():
     assert_close(sim.a, 3 * a, 1e-12)
     assert (sim.rho == rho).all()
     assert sim.sound_speed == pytest.approx(math.sqrt(3 * 1.3) * C0)
+
+
+@pytest.mark.without_jit
+def test_what_is_read_is_a_copy_and_another_state_is_another_scene():
+    sim = simulation("none")
+    sim.advance(3 * sim.controls.dt)
+    for name in FIELDS:
+        before, mine = getattr(sim, name), getattr(sim, name)
+        mine[:] = 0.0
+        assert before.any()
+        assert (getattr(sim, name) == before).all()
+    changed = replace(sim.scene, x=sim.x[::-1], v=-0.5 * sim.v[::-1], controls=sim.controls)
+    other = Simulation(changed)
+    assert other.time == 0.0
+    assert other.controls == sim.controls
+    assert (other.x == sim.x[::-1]).all()
+    assert (other.v == -0.5 * sim.v[::-1]).all()
+    for name in ("rho", "p"):
+        assert_close(getattr(other, name), getattr(sim, name)[::-1], 1e-12)
+    for text in (Simulation.__doc__, (ROOT / "docs" / "solver.md").read_text()):
+        assert "are copies" in text
+        assert "replace(" in text
 
 
 @pytest.mark.parametrize("arguments", [{"dtype": "float16"}, {"neighbors": "tree"}])

@@ -22,14 +22,17 @@ from sph_gym import (
     scenes,
     tank_particles,
 )
+from sph_gym.env import contexts
 from sph_gym.solver.container import lowest_fill
-from sph_gym.solver.door import oddities
+from sph_gym.solver.door import NARROW, oddities
+from sph_gym.solver.kernels import rest_lattice
 from sph_gym.solver.thickness import close_pairs, layer_share, measure, needed_layers
 from sph_gym.solver.warnings import KINDS
 from sph_gym.solver.watch import ODDITIES, Watch
 from tests.cases import BOX, DX, STILL, TANK, UNCOMPILED, WIDTH, scene, simulation
 
 WATER = Fluid(c0=10.0)
+BOX_OF_WATER = (0.0, 0.5, 0.0, math.inf)
 
 
 def at_rest(walls, x=None, dx=0.05, h=0.13, **more):
@@ -156,6 +159,28 @@ def test_a_box_needs_a_layer_less_at_its_sides():
     for layers in (1, 2, 3):
         walls = Walls(tank_particles(0.5, 0.6, 0.05, layers), box=box)
         assert len(odd(at_rest(walls))) == (layers < 2)
+
+
+@pytest.mark.parametrize(
+    ("h", "neighbors"), [(1.0, 0), (1.2, 4), (1.5, 8), (1.99, 8), (2.0, None), (2.6, None)]
+)
+@pytest.mark.parametrize(("kernel", "times"), [("wendland_c2", 2), ("quintic_spline", 3)])
+def test_a_smoothing_length_in_place_of_the_support_is_told(h, neighbors, kernel, times):
+    water = at_rest(Walls(box=BOX_OF_WATER), h=h * 0.05)
+    found = odd(replace(water, fluid=replace(WATER, kernel=kernel)))
+    assert len(found) == (neighbors is not None)
+    for text in found:
+        assert f"only {h:g} dx: a particle has about {neighbors} neighbours" in text
+        assert "h = 2.6 to 4 dx, with 20 to 45 neighbours" in text
+        assert f"give h = {times * h * 0.05:g} m, {times} times as much" in text
+
+
+def test_supports_of_scenes_and_environments_are_usual_ones():
+    made = [scenes.make(name) for name in scenes.names()]
+    assert {2.6, 4.0} == {round(f(each.h / each.dx for each in made), 6) for f in (min, max)}
+    on_a_lattice = [np.hypot(*rest_lattice(h, 1.0)) < h - 1e-9 for h in (2.6, 4.0)]
+    assert [int(near.sum()) - 1 for near in on_a_lattice] == [20, 44]
+    assert contexts.NARROW[0] > NARROW
 
 
 @pytest.mark.parametrize("name", scenes.names())
@@ -361,6 +386,22 @@ def test_a_level_that_sinks_or_rises_at_rest_is_told(height, rho, told):
     # a splash is higher than water at rest
     watch.look_at_level(sim.engine, totals._replace(com_y=0.9, kinetic=1e9), (0.0, 0.0), 4.0)
     assert watch.warnings() == found
+
+
+@pytest.mark.parametrize(("height", "rho", "told"), [(0.9, 1.0, "lost"), (1.1, 0.9, "swollen")])
+def test_where_the_support_is_too_narrow_that_is_why_the_level_changes(height, rho, told):
+    water = at_rest(Walls(box=BOX_OF_WATER), lattice(0, 0.5, 0, 1.0, 0.05), h=0.06)
+    sim = simulation("everything", "lattice 3", v=None)
+    sim.engine.fluid.rho[:] *= rho
+    watch = Watch(water, 1.0, np.ones(200))
+    totals = sim._totals._replace(com_y=0.5 * height, kinetic=0.0)
+    watch.look_at_level(sim.engine, totals, (0.0, 0.0), 3.0)
+    volume, start = watch.warnings()
+    assert (volume.kind, start.kind) == ("volume", "start")
+    assert start.value > start.limit
+    assert told in volume.message
+    assert "h = 1.2 dx is too narrow" in volume.message
+    assert not re.search("kernel|c0|boundary", volume.message)
 
 
 def test_the_worst_is_kept_and_the_first_time():

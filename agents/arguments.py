@@ -13,6 +13,9 @@ from sph_gym.command_line.parser import WRONG, Parser
 from sph_gym.studies.backends import Backend
 
 Arguments = TypeVar("Arguments")
+SCENE_HELP = (
+    'scene of the environment; "benchmark": all six at once, "benchmark-long_fall": all but one'
+)
 
 
 def option(text: str, default: Any = MISSING) -> Any:

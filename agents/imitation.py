@@ -18,7 +18,7 @@ import torch
 from torch.nn.functional import smooth_l1_loss
 
 from agents import lessons
-from agents.arguments import BackendArgs, launch, option
+from agents.arguments import SCENE_HELP, BackendArgs, launch, option
 from agents.exports import plain_network
 from agents.lessons import TEACHERS, Lesson
 from agents.training import CONTINUOUS, hyperparameters
@@ -36,7 +36,7 @@ from sph_gym.studies.results import Results
 class ImitationArgs(BackendArgs):
     """Arguments of an imitation; hyperparams/imitation.yml has those of the network."""
 
-    scene: str = option('scene of the environment; "benchmark": all six at once', "dam_break")
+    scene: str = option(SCENE_HELP, "dam_break")
     teacher: str = option(f"one of {', '.join(TEACHERS)}", "coarse_oracle")
     rounds: int = option("rounds; in the first one the teacher plays by itself", 4)
     lessons: int = option("lessons of a round, on training instances of each scene", 12)

@@ -125,7 +125,6 @@ def play(args: LeaderboardArgs) -> list[Path]:
 
 
 def _write(agent: Agent, kept: LeaderboardEntry | None, played: pd.DataFrame, folder: Path) -> Path:
-    path = entries.path_of(agent.name, folder)
     if kept is None:
         return entries.write(entries.make(agent, played), folder)
     if played.empty:

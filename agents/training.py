@@ -13,7 +13,7 @@ import yaml
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, CheckpointCallback
 
-from agents.arguments import option
+from agents.arguments import SCENE_HELP, option
 from agents.checkpoints import newest_checkpoint
 from agents.exports import checked_export
 from agents.validation import NETWORK, Validation, ValidationCallback, validation_ids
@@ -34,7 +34,7 @@ CONTINUOUS = tuple(mode for mode in actions.MODES if mode != "discrete")
 class TrainingArgs:
     """Arguments of a training, the same for every algorithm; hyperparams/*.yml has the others."""
 
-    scene: str = option('scene of the environment; "benchmark": all six at once', "dam_break")
+    scene: str = option(SCENE_HELP, "dam_break")
     steps: int = option("environment steps", 300_000)
     n_envs: int = option("environments, side by side on threads", 2)
     seed: int = option("seed of everything", 0)

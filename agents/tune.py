@@ -24,7 +24,7 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
-from agents.arguments import launch, option
+from agents.arguments import SCENE_HELP, launch, option
 from agents.training import FOLDER, TrainingArgs, Trial, hyperparameters, replaced
 from sph_gym.env import env_id
 from sph_gym.files import atomic_write
@@ -41,7 +41,7 @@ class TuneArgs:
     """Arguments of a search for hyperparameters."""
 
     algorithm: str = option("ppo, ppo_lagrangian, sac or dqn", "ppo")
-    scene: str = option('scene of the environment; "benchmark": all six at once', "dam_break")
+    scene: str = option(SCENE_HELP, "dam_break")
     trials: int = option("trainings that the study has when it is over", 30)
     steps: int = option("environment steps of a training", 60_000)
     n_envs: int = option("environments, side by side on threads", 2)

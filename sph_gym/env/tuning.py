@@ -38,8 +38,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
 
     ## Arguments
     - `scene`: the name of a scene, "mixed" for any of them, "benchmark" for any that is no
-      diagnostic, or a `Scene` of your own, also as its `Scene.to_dict()`; an id brings its own, and
-      only Custom takes any other
+      diagnostic, "benchmark-long_fall" for these but one, or a `Scene` of your own, also as its
+      `Scene.to_dict()`; an id brings its own, and only Custom takes any other
     - `dx`: particle spacing [m], by default a coarse one
     - `instances`: "nominal" or a numbered set, "train", "val", "test" or "ood", from which every
       reset draws with the environment's own generator; or a list of ids, which resets show in

@@ -9,6 +9,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from sph_gym import Scene, TuningEnv, scenes
 from sph_gym.env import instances
 from sph_gym.env.reference import n_frames
+from sph_gym.env.selection import members
 from sph_gym.env.vector import TuningVectorEnv
 
 ID, CUSTOM = "sph_gym/DropImpact-v1", "sph_gym/Custom-v1"
@@ -167,6 +168,21 @@ def test_an_id_may_be_told_its_own_scene_and_a_group_one_of_its_scenes():
         given = {} if name is None else {"scene": name}
         for env in (gym.make(id_, **given).unwrapped, gym.make_vec(id_, 2, **given).envs[0]):
             assert env.selection.find("drop_impact/val/1/dx=0.08")
+
+
+def test_a_group_without_one_scene_never_shows_it():
+    env = gym.make("sph_gym/Benchmark-v1", scene="benchmark-long_fall", instances="val").unwrapped
+    assert set(members("benchmark")) - set(members("benchmark-long_fall")) == {"long_fall"}
+    with pytest.raises(ValueError, match="scene of the instance"):
+        env.selection.find("long_fall/val/0")
+    rng = np.random.default_rng(0)
+    drawn = {env.selection.draw(rng, None)[0].split("/")[0] for _ in range(60)}
+    assert drawn == set(members("benchmark-long_fall"))
+    for wrong in ("benchmark-relaxation", "benchmark-", "dam_break-long_fall"):
+        with pytest.raises(ValueError, match="scene"):
+            members(wrong)
+    with pytest.raises(ValueError, match="'sph_gym/Benchmark-v1'"):
+        gym.make("sph_gym/DamBreak-v1", scene="benchmark-long_fall")
 
 
 def test_an_id_of_ones_own_shows_any_scene():

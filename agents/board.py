@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from agents import plots, scores
+from agents import entries, plots, scores
 from agents.entries import GAMES, LeaderboardEntry
 from agents.evaluate import show as show_table
 from agents.scores import GAP, ORACLE, RULE, Interval
@@ -19,8 +19,12 @@ DASH = "\N{EN DASH}"
 
 
 def text(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> str:
-    """Return the part of the page: the tables of the test instances, and what is behind them."""
-    own = usual(runs, SPLIT)
+    """Return the part of the page: the tables of the test instances, and what is behind them.
+
+    Agents that were kept from a family are no competitors: `zero_shot` has them.
+    """
+    found = entries.complete(found)
+    own = usual(only(found, runs), SPLIT)
     parts = [
         _scored(own),
         markdown(table(found, own), 1),
@@ -33,6 +37,11 @@ def text(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> str:
         _behind(found),
     ]
     return "\n\n".join(parts)
+
+
+def only(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> pd.DataFrame:
+    """Return the runs of some entries."""
+    return runs[runs["agent"].isin([entry.agent for entry in found])]
 
 
 def usual(runs: pd.DataFrame, split: str) -> pd.DataFrame:
@@ -136,7 +145,7 @@ def markdown(lines: pd.DataFrame, n_text: int) -> str:
 
 
 def show(found: Sequence[LeaderboardEntry], splits: Sequence[str]) -> None:
-    """Print the leaderboard of each set to the terminal."""
+    """Print the leaderboard of each set to the terminal, of all agents."""
     runs = scores.runs_of(found)
     for split in splits:
         own = usual(runs, split)
@@ -144,8 +153,8 @@ def show(found: Sequence[LeaderboardEntry], splits: Sequence[str]) -> None:
             show_table(table(found, own), f"leaderboard, {split}")
 
 
-def draw(runs: pd.DataFrame, folder: Path) -> None:
-    """Write the pictures of the test instances."""
-    own = usual(runs, SPLIT)
+def draw(found: Sequence[LeaderboardEntry], runs: pd.DataFrame, folder: Path) -> None:
+    """Write the pictures of the test instances, of the same agents as the tables."""
+    own = usual(only(entries.complete(found), runs), SPLIT)
     plots.plot_profiles(own, folder / PICTURES[0])
     plots.plot_trades(own, folder / PICTURES[1])

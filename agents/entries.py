@@ -112,6 +112,11 @@ class LeaderboardEntry(NamedTuple):
         return str(self.about["agent"])
 
 
+def complete(found: Iterable[LeaderboardEntry]) -> list[LeaderboardEntry]:
+    """Return the entries of agents from whose training no family was left out."""
+    return [each for each in found if set(each.about["trained_on"] or GAMES) >= set(GAMES)]
+
+
 def sources() -> str:
     """Return the digest of all sources that decide how an episode goes."""
     return content_hash(source_hash(*COMMON), *SOURCES)

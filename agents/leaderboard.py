@@ -215,7 +215,7 @@ def filled(page: str, blocks: dict[str, Any]) -> str:
 def write_page(found: Sequence[LeaderboardEntry], runs: pd.DataFrame, page: Path = PAGE) -> None:
     """Write tables into the page, and the pictures beside it."""
     text = filled(page.read_text(encoding="utf-8"), texts(found, runs))
-    board.draw(runs, page.parent / "pictures")
+    board.draw(found, runs, page.parent / "pictures")
     with atomic_write(page) as draft:
         draft.write_text(text, encoding="utf-8")
 

@@ -63,15 +63,16 @@ def by_spacing(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_family(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> pd.DataFrame:
-    """Return gains on every family of learners that missed one in training.
+    """Return gains of learners on every family, if any learner missed one in training.
 
     A family that a learner was not trained on has a star.
     """
     test, rows = board.usual(runs, USUAL), []
-    for entry in found:
+    learners = [entry for entry in found if entry.about["trained_on"]]
+    if len(entries.complete(learners)) == len(learners):
+        return pd.DataFrame()
+    for entry in learners:
         seen = entry.about["trained_on"]
-        if not seen or set(GAMES) <= set(seen):
-            continue
         row = {"agent": style_of(entry.agent).label}
         for family in GAMES:
             own = test[(test["agent"] == entry.agent) & (test["family"] == family)]

@@ -42,12 +42,12 @@ _workers: list[dict] = []
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config):
-    """Return the workers: more than processors, so that each has few versions in its memory.
+    """Return the workers: more than processors, since some wait for what others compile.
 
     Where nothing is compiled, as many as processors that this process may use.
     """
     if not numba_config.DISABLE_JIT:
-        return 3 * most_threads() + 1
+        return 2 * most_threads()
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 

@@ -180,9 +180,12 @@ def test_families_that_a_learner_has_not_seen_have_a_star():
         entry("ppo-held", lambda training, family, k: 0.5 + 0.01 * k, trained_on=GAMES[:5]),
     ]
     table = zero_shot.by_family(found, scores.runs_of(found))
-    assert list(table["agent"]) == ["PPO, held"]
-    assert table[GAMES[5]][0] == "0.10 [0.10, 0.10] *"
-    assert table[GAMES[0]][0] == "0.10 [0.10, 0.10]"
+    assert list(table["agent"]) == ["PPO", "PPO, held"]
+    assert list(table[GAMES[5]]) == ["0.20 [0.20, 0.20]", "0.10 [0.10, 0.10] *"]
+    assert list(table[GAMES[0]]) == ["0.20 [0.20, 0.20]", "0.10 [0.10, 0.10]"]
+    assert zero_shot.by_family([RULE, HALF], scores.runs_of([RULE, HALF])).empty
+    # it is no competitor of those that could train on all
+    assert "PPO, held" not in board.text(found, scores.runs_of(found))
 
 
 # --- Files ----------------------------------------------------------------------------------
@@ -382,7 +385,8 @@ def test_an_episode_has_all_that_is_kept():
 
 
 def test_pictures_are_drawn(tmp_path):
-    board.draw(scores.runs_of([RULE, ORACLE, HALF]), tmp_path)
+    found = [RULE, ORACLE, HALF]
+    board.draw(found, scores.runs_of(found), tmp_path)
     assert all((tmp_path / name).stat().st_size > 10_000 for name in board.PICTURES)
 
 

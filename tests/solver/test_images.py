@@ -276,7 +276,7 @@ def test_water_that_starts_with_its_pressure_does_not_move():
 
 @pytest.mark.slow
 # boundary particles "like fluid" have densities of their own, which differ from one to the next
-@pytest.mark.parametrize("pressure, bound", [("like fluid", 0.04), ("extrapolated", 0.02)])
+@pytest.mark.parametrize(("pressure", "bound"), [("like fluid", 0.04), ("extrapolated", 0.02)])
 def test_so_it_does_between_boundary_particles(pressure, bound):
     walls = Walls(tank_particles(0.3, 0.8, DX), box=BARE.box, pressure=pressure)
     cold, still = both(tank(3.0, walls=walls))

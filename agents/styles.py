@@ -94,7 +94,8 @@ def style_of(agent: str) -> AgentStyle:
     if not variant:
         return own
     lighter = "#" + "".join(f"{(int(own.colour[k : k + 2], 16) + 255) // 2:02X}" for k in (1, 3, 5))
-    return own._replace(label=f"{own.label}, {variant}", colour=lighter, line=(0, (2, 2)))
+    label = f"{own.label}, {variant.replace('_', ' ')}"
+    return own._replace(label=label, colour=lighter, line=(0, (2, 2)))
 
 
 def sentence(agent: str) -> str:

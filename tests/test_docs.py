@@ -28,8 +28,7 @@ import sph_gym.doctor  # noqa: F401  fills CHECKS
 from sph_gym import scenes, studies
 from sph_gym.doctor.faults import FAULTS
 from sph_gym.doctor.registry import CHECKS
-from sph_gym.env import SCENES
-from sph_gym.env.selection import GROUPS
+from sph_gym.env.selection import members
 from sph_gym.solver.registry import EFFECTS
 
 ROOT = Path(__file__).parent.parent
@@ -142,7 +141,7 @@ def test_every_name_in_a_command_exists(command):
     if words[:2] in (["sph_gym", "run"], ["sph_gym", "recommend"]) and len(words) > 2:
         assert words[2] in {*scenes.names(), *NEW, "SCENE"}
     if "--scene" in words:
-        assert words[words.index("--scene") + 1] in (*SCENES, *GROUPS)
+        assert members(words[words.index("--scene") + 1])
 
 
 @pytest.mark.parametrize("command", of("sph_gym run"))

@@ -12,6 +12,7 @@ from agents.entries import COLUMNS, GAMES, Agent, LeaderboardEntry
 from agents.evaluate import CLOCK, run_episode
 from agents.policies import Spec
 from sph_gym import provenance
+from sph_gym.controllers.network import SHIPPED
 from sph_gym.controllers.shipped import names
 from sph_gym.env.instances import ODD
 from sph_gym.provenance import content_hash
@@ -322,6 +323,14 @@ def test_trainings_can_be_added_and_the_first_ones_are_enough_to_verify(tmp_path
     leaderboard.play(args(tmp_path, learner="ppo-mine", n_instances=2, networks=(str(shipped),)))
     assert entries.read(path).about["networks"] == before.about["networks"]
     assert len(entries.read(path).runs) == 6 + 2
+
+
+def test_a_network_of_every_learner_is_there_so_that_anybody_can_verify():
+    kept = [*entries.FOLDER.glob("networks/*.npz"), *SHIPPED.glob("*.npz")]
+    digests = set(map(content_hash, kept))
+    learners = [e for e in entries.read_all(entries.FOLDER) if e.about["networks"]]
+    assert learners
+    assert all(next(iter(e.about["networks"].values())) in digests for e in learners)
 
 
 def test_other_settings_make_other_results_of_a_static_agent(tmp_path, played):

@@ -20,7 +20,6 @@ from sph_gym.env import instances, manifest
 from sph_gym.env.selection import GROUPS
 from sph_gym.files import atomic_write
 from sph_gym.provenance import content_hash, source_hash
-from sph_gym.solver import target
 from sph_gym.solver.checks import known
 from sph_gym.studies import machine
 from sph_gym.studies.results import COMMON
@@ -53,7 +52,8 @@ class Agent(NamedTuple):
         """
         trainings = zip(*self.specs.values(), strict=True)
         specs = (spec for families in trainings for spec in families)
-        paths = [Path(spec.network) for spec in specs if spec.network is not None]
+        # one network may play all families
+        paths = dict.fromkeys(Path(spec.network) for spec in specs if spec.network is not None)
         return {f"{path.parent.name}/{path.name}": content_hash(path) for path in paths}
 
     @property
@@ -130,6 +130,7 @@ def manifests() -> dict[str, dict[str, str]]:
 
 def make(agent: Agent, runs: pd.DataFrame) -> LeaderboardEntry:
     """Return the entry of an agent; runs: with COLUMNS and CLOCK."""
+    here = machine.describe()
     about = {
         "agent": agent.name,
         "version": manifest.VERSION,
@@ -139,8 +140,8 @@ def make(agent: Agent, runs: pd.DataFrame) -> LeaderboardEntry:
         "sources": sources(),
         "manifests": manifests(),
         "policy_microseconds": round(1e6 * float(runs[CLOCK].median()), 1),
-        "processor": machine.describe()["processor"],
-        "vectors": target.description(),
+        "processor": here["processor"],
+        "vectors": here["vectors"],
     }
     table = runs[list(COLUMNS)].copy()
     table["order"] = table["instance"].map(_order)

@@ -26,6 +26,8 @@ from sph_gym.solver.checks import known, whole
 PAGE = Path(__file__).parents[1] / "docs" / "agents.md"
 BEGIN, END = "<!-- {name}: begin -->", "<!-- {name}: end -->"
 RULES = ("random", "default", "cfl", "tuned_cfl", "adaptive")
+# Between the vectors of processors that have added to one file.
+JOINED = " and "
 
 
 @dataclass
@@ -130,8 +132,11 @@ def _write(agent: Agent, kept: LeaderboardEntry | None, played: pd.DataFrame, fo
     if played.empty:
         return entries.write(kept, folder)
     made = entries.make(agent, pd.concat([kept.runs, played]))
+    # of the runs that were there, too
     networks = max(kept.about["networks"], agent.networks, key=len)
-    return entries.write(made._replace(about=made.about | {"networks": networks}), folder)
+    vectors = {*kept.about.get("vectors", "").split(JOINED), made.about["vectors"]} - {""}
+    whole_file = {"networks": networks, "vectors": JOINED.join(sorted(vectors))}
+    return entries.write(made._replace(about=made.about | whole_file), folder)
 
 
 def _keys(entry: LeaderboardEntry | None) -> set[tuple[int, str]]:
@@ -153,7 +158,7 @@ def kept_runs(agent: Agent, args: LeaderboardArgs) -> LeaderboardEntry | None:
     if not path.exists():
         return None
     entry = entries.read(path)
-    about = entry.about
+    about, vectors = entry.about, target.description()
     given, made = list(agent.networks.values()), list(about["networks"].values())
     n = min(len(given), len(made)) or None
     dropped = f"so its {len(entry.runs)} runs are dropped and those asked for are played"
@@ -168,11 +173,10 @@ def kept_runs(agent: Agent, args: LeaderboardArgs) -> LeaderboardEntry | None:
         return None
     if differing := verify(agent, entry, args):
         print(f"{agent.name}: {differing} come out otherwise than in {path}, {dropped}")
-        if about.get("vectors") != target.description():
-            print(f"(made with {about.get('vectors')}, played with {target.description()})")
+        if about.get("vectors") != vectors:
+            print(f"(made with {about.get('vectors')}, played with {vectors})")
         return None
-    now = {"sources": entries.sources(), "vectors": target.description()}
-    return LeaderboardEntry(about | now, entry.runs)
+    return LeaderboardEntry(about | {"sources": entries.sources(), "vectors": vectors}, entry.runs)
 
 
 def verify(agent: Agent, entry: LeaderboardEntry, args: LeaderboardArgs) -> list[str]:

@@ -323,6 +323,11 @@ def test_trainings_can_be_added_and_the_first_ones_are_enough_to_verify(tmp_path
     leaderboard.play(args(tmp_path, learner="ppo-mine", n_instances=2, networks=(str(shipped),)))
     assert entries.read(path).about["networks"] == before.about["networks"]
     assert len(entries.read(path).runs) == 6 + 2
+    change(path, vectors="64 bits")
+    for n in (3, 4):
+        more = args(tmp_path, learner="ppo-mine", n_instances=n, networks=(str(shipped),))
+        leaderboard.play(more)
+        assert entries.read(path).about["vectors"] == f"{before.about['vectors']} and 64 bits"
 
 
 def test_a_network_of_every_learner_is_there_so_that_anybody_can_verify():

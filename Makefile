@@ -13,7 +13,7 @@ demo: .venv/.studies
 		--grid 3 4 2 --output runs/demo
 
 demo-rl: .venv/.agents
-	$(BIN)/python -m agents.ppo_warm --scene dam_break --n-envs 4 --held 8000 --steps 60000 \
+	$(BIN)/python -m agents.ppo_warm --scene dam_break --n-envs 4 --steps 60000 \
 		--output runs/demo-rl
 	$(BIN)/python -m agents.compare --scene dam_break --agents default tuned_cfl ppo_warm \
 		--n-instances 16 --networks ppo_warm runs/demo-rl/ppo_warm_dam_break_seed0/network.npz \

@@ -5,7 +5,7 @@ itself, not to blow up, is there from the start.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,11 @@ from agents import imitation
 from agents.arguments import launch, option
 from agents.imitation import ImitationArgs
 from agents.ppo import export, layers
-from agents.training import Training, TrainingArgs
+from agents.training import Training, TrainingArgs, Trial
 from agents.validation import NETWORK
 from sph_gym.controllers import Network
 from sph_gym.env import actions
-from sph_gym.solver.checks import in_range, known, positive, whole
+from sph_gym.solver.checks import finite_array, in_range, known, positive
 
 
 @dataclass(kw_only=True)
@@ -33,30 +33,33 @@ class WarmArgs(TrainingArgs):
     start: Path | None = option(
         "exported network to begin with, by default one that imitates the adaptive rule", None
     )
-    courant: float = option(
-        "largest multiple of the stable step that the policy may ask for: with longer steps, "
-        "impacts blow up; the tuned rule takes 0.75",
-        1.0,
-    )
-    spread: tuple[float, float, float] = option(
-        "standard deviations with which dt, stiffness and epsilon are explored at the start, in "
-        "coordinates of the action: a longer step soon blows up, so that dt gets less",
-        (0.05, 0.14, 0.14),
-    )
-    held: int = option("steps during which it stays as it is, while its value is learned", 20_000)
+
+
+@dataclass(frozen=True)
+class Caution:
+    """Hyperparameters besides those of PPO, for a policy that is good already.
+
+    courant: largest multiple of the stable step that the policy may ask for; spread: standard
+    deviations with which dt, stiffness and epsilon are explored at the start, in coordinates of the
+    action; held: share of the steps during which the policy stays as it is, while its value is
+    learned. Raises ValueError for what is out of range.
+    """
+
+    courant: float
+    spread: Sequence[float]
+    held: float
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        whole("held", self.held)
         in_range("courant", self.courant, *actions.COURANT)
-        for value in self.spread:
+        for value in finite_array("spread", self.spread, (3,)):
             positive("spread", value)
+        in_range("held", self.held, 0.0, 1.0)
 
 
-def imitate(args: WarmArgs, action_mode: str) -> Path:
+def imitate(args: TrainingArgs, action_mode: str, seed: int) -> Path:
     """Return a network that imitates the adaptive rule; its lessons are kept."""
     lessons = ImitationArgs(
-        scene=args.scene, teacher="adaptive", rounds=3, lessons=6, seed=args.seed,
+        scene=args.scene, teacher="adaptive", rounds=3, lessons=6, seed=seed,
         output=args.output, n_evaluations=1, action_mode=action_mode,
     )  # fmt: skip
     imitation.train(lessons)
@@ -112,24 +115,35 @@ class Hold(BaseCallback):
         return True
 
 
-def train(args: WarmArgs) -> None:
-    """Train on the training instances; keep the model that is best on the validation instances."""
-    training = Training("ppo_warm", args, export)
-    # before minutes of lessons; `courant` needs actions that say how long a step is
+def train(args: TrainingArgs, trial: Trial | None = None, start: Path | None = None) -> None:
+    """Train on the training instances; keep the model that is best on the validation instances.
+
+    start: exported network to begin with; None for one that imitates the adaptive rule.
+    """
+    training = Training("ppo_warm", args, export, trial)
+    # `courant` needs actions that say how long a step is
     mode = known("action_mode", training.action_mode, ("absolute", "stable"))
-    start = None if args.resume else args.start or imitate(args, mode)
+    settings = training.settings()
+    caution = Caution(**{field.name: settings.pop(field.name) for field in fields(Caution)})
     envs = training.make_envs()
-    highest = np.array([actions.locate(args.courant, 1.0, 0.0)[0], 1.0, 1.0], np.float32)
+    highest = np.array([actions.locate(caution.courant, 1.0, 0.0)[0], 1.0, 1.0], np.float32)
     envs.action_space = spaces.Box(-1.0, highest, dtype=np.float32)
-    if start is None:
+    if args.resume:
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")
     else:
-        model = PPO("MlpPolicy", envs, **training.settings())
+        # the trainings of a study begin with the same network
+        start = start or imitate(args, mode, args.seed if trial is None else 0)
+        model = PPO("MlpPolicy", envs, **settings)
         begin_with(model, Network.load(start), mode)
-        explore(model, args.spread)
-    training.learn(model, [Hold(args.held)])
+        explore(model, caution.spread)
+    training.learn(model, [Hold(round(caution.held * args.steps))])
     envs.close()
 
 
+def main(args: WarmArgs) -> None:
+    """Train with the arguments of the command line."""
+    train(args, start=args.start)
+
+
 if __name__ == "__main__":
-    launch(train, WarmArgs, __doc__)
+    launch(main, WarmArgs, __doc__)

@@ -40,7 +40,7 @@ ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
 class TuneArgs:
     """Arguments of a search for hyperparameters."""
 
-    algorithm: str = option("ppo, ppo_lagrangian, sac or dqn", "ppo")
+    algorithm: str = option("ppo, ppo_lagrangian, ppo_warm, sac or dqn", "ppo")
     scene: str = option(SCENE_HELP, "dam_break")
     trials: int = option("trainings that the study has when it is over", 30)
     steps: int = option("environment steps of a training", 60_000)

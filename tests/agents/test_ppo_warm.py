@@ -32,6 +32,18 @@ def network(envs, *widths):
     return plain_network(perceptron(envs.observation_space.shape[0], widths, 3), "clip", "absolute")
 
 
+@pytest.fixture
+def table(monkeypatch):
+    """Changes entries of the table of hyperparameters."""
+    found = training.hyperparameters("ppo_warm", "dam_break")
+
+    def change(others):
+        changed = training.replaced(found, others)
+        monkeypatch.setattr(training, "hyperparameters", lambda *_: changed)
+
+    return change
+
+
 def test_the_policy_begins_as_the_network(envs):
     learner, start = model(envs), network(envs, 8, 8)
     begin_with(learner, start, "absolute")
@@ -59,25 +71,50 @@ def test_another_size_is_refused(envs):
 
 
 @pytest.mark.parametrize("mode", ["absolute", "stable"])
-def test_the_imitation_learns_the_same_kind_of_actions(monkeypatch, mode):
+def test_the_imitation_learns_the_same_kind_of_actions(monkeypatch, table, mode):
     class Enough(Exception):
         """The imitation has begun."""
 
+    seeds = []
+
     def begin(args):
         assert args.settings["action_mode"] == mode
+        seeds.append(args.seed)
         raise Enough
 
-    monkeypatch.setattr(training, "hyperparameters", lambda *_: {"env": {"action_mode": mode}})
+    table({"env.action_mode": mode})
     monkeypatch.setattr(ppo_warm.imitation, "train", begin)
     with pytest.raises(Enough):
-        ppo_warm.train(WarmArgs())
+        ppo_warm.train(WarmArgs(seed=3))
+    # the trainings of a study begin with the same network
+    with pytest.raises(Enough):
+        ppo_warm.train(WarmArgs(seed=3), training.Trial({}, print))
+    assert seeds == [3, 0]
 
 
 @pytest.mark.parametrize("mode", ["delta", "discrete"])
-def test_actions_that_say_no_length_of_a_step_are_refused_before_all_else(monkeypatch, mode):
-    monkeypatch.setattr(training, "hyperparameters", lambda *_: {"env": {"action_mode": mode}})
+def test_actions_that_say_no_length_of_a_step_are_refused_before_all_else(monkeypatch, table, mode):
+    table({"env.action_mode": mode})
     monkeypatch.setattr(ppo_warm.imitation, "train", lambda args: pytest.fail("it plays"))
     with pytest.raises(ValueError, match="action_mode: expected one of absolute, stable, got"):
+        ppo_warm.train(WarmArgs())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("courant", 2.0, r"courant: expected a number in \[0.2, 1.25\], got 2.0"),
+        ("spread", [0.1, 0.1], r"spread: expected shape \(3\), got"),
+        ("spread", [0.1, 0.1, 0.0], "spread: expected a number above 0, got"),
+        ("held", 1.5, r"held: expected a number in \[0, 1\], got 1.5"),
+    ],
+)
+def test_hyperparameters_out_of_range_are_refused_before_all_else(
+    monkeypatch, table, name, value, text
+):
+    table({name: value})
+    monkeypatch.setattr(ppo_warm.imitation, "train", lambda args: pytest.fail("it plays"))
+    with pytest.raises(ValueError, match=text):
         ppo_warm.train(WarmArgs())
 
 

@@ -66,7 +66,7 @@ def test_an_interrupted_training_does_not_count(tmp_path, trainings, monkeypatch
     assert len(trainings) == 2
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "sac", "dqn"])
+@pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "ppo_warm", "sac", "dqn"])
 def test_present_settings_are_within_what_is_tried(tmp_path, algorithm):
     args = TuneArgs(algorithm, scene="benchmark", output=tmp_path)
     space = {k: tune.distribution(each) for k, each in tune.spaces()[algorithm].items()}

@@ -5,8 +5,9 @@ itself, not to blow up, is there from the start.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -56,14 +57,29 @@ class Caution:
         in_range("held", self.held, 0.0, 1.0)
 
 
-def imitate(args: TrainingArgs, action_mode: str, seed: int) -> Path:
+def imitate(args: TrainingArgs, action_mode: str) -> Path:
     """Return a network that imitates the adaptive rule; its lessons are kept."""
     lessons = ImitationArgs(
-        scene=args.scene, teacher="adaptive", rounds=3, lessons=6, seed=seed,
+        scene=args.scene, teacher="adaptive", rounds=3, lessons=6, seed=args.seed,
         output=args.output, n_evaluations=1, action_mode=action_mode,
     )  # fmt: skip
     imitation.train(lessons)
     return lessons.folder / NETWORK
+
+
+def common_start(args: TrainingArgs, action_mode: str) -> Path:
+    """Return the network with which all trainings of a study begin; it is made once.
+
+    Processes that work on one study may make it at the same time: each in a folder of its own, and
+    all get the same.
+    """
+    path = args.output / "start.npz"
+    if not path.exists():
+        args.output.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=args.output) as folder:
+            alone = replace(args, output=Path(folder), seed=0)
+            Network.load(imitate(alone, action_mode)).save(path)
+    return path
 
 
 def begin_with(model: PPO, network: Network, action_mode: str) -> None:
@@ -131,8 +147,7 @@ def train(args: TrainingArgs, trial: Trial | None = None, start: Path | None = N
     if args.resume:
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")
     else:
-        # the trainings of a study begin with the same network
-        start = start or imitate(args, mode, args.seed if trial is None else 0)
+        start = start or (imitate if trial is None else common_start)(args, mode)
         model = PPO("MlpPolicy", envs, **settings)
         begin_with(model, Network.load(start), mode)
         explore(model, caution.spread)

@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import optuna
 import yaml
 from optuna.distributions import (
@@ -84,10 +85,10 @@ def open_study(args: TuneArgs) -> optuna.Study:
         pruner=optuna.pruners.MedianPruner(FIRST, n_warmup_steps=WARM_UP * args.evaluate_every),
         load_if_exists=True,
     )
-    # a study that goes on draws other settings than it began with
-    seed = args.seed + len(study.trials)
+    # a study that goes on draws other settings than it began with, and every process its own
+    (seed,) = np.random.SeedSequence([args.seed, len(study.trials)]).generate_state(1).tolist()
     study.sampler = optuna.samplers.TPESampler(seed=seed, constant_liar=True)
-    if not study.trials:
+    if all(trial.state == TrialState.FAIL for trial in study.trials):
         study.enqueue_trial(present(args))
     return study
 

@@ -86,10 +86,26 @@ def test_the_imitation_learns_the_same_kind_of_actions(monkeypatch, table, mode)
     monkeypatch.setattr(ppo_warm.imitation, "train", begin)
     with pytest.raises(Enough):
         ppo_warm.train(WarmArgs(seed=3))
-    # the trainings of a study begin with the same network
-    with pytest.raises(Enough):
-        ppo_warm.train(WarmArgs(seed=3), training.Trial({}, print))
-    assert seeds == [3, 0]
+    assert seeds == [3]
+
+
+def test_the_trainings_of_a_study_begin_with_one_network(monkeypatch, envs, tmp_path):
+    made = []
+
+    def imitate(args, action_mode):
+        made.append(args.seed)
+        path = args.output / "network.npz"
+        network(envs, 8, 8).save(path)
+        return path
+
+    monkeypatch.setattr(ppo_warm, "imitate", imitate)
+    starts = {
+        ppo_warm.common_start(training.TrainingArgs(seed=k, output=tmp_path), "absolute")
+        for k in (3, 4)
+    }
+    assert made == [0]
+    assert [path.name for path in tmp_path.iterdir()] == ["start.npz"]
+    assert starts == {tmp_path / "start.npz"}
 
 
 @pytest.mark.parametrize("mode", ["delta", "discrete"])

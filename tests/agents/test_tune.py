@@ -64,6 +64,9 @@ def test_an_interrupted_training_does_not_count(tmp_path, trainings, monkeypatch
     assert "goes on with the study" in capsys.readouterr().out
     tune.main(TuneArgs(trials=2, output=tmp_path))
     assert len(trainings) == 2
+    # it was that of the present settings
+    present = tune.hyperparameters("ppo", "dam_break")["learning_rate"]
+    assert trainings[0].settings["learning_rate"] == present
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "ppo_warm", "sac", "dqn"])

@@ -11,6 +11,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from sph_gym.command_line.parser import WRONG, Parser
 from sph_gym.studies.backends import Backend
+from sph_gym.studies.jobs import INTERRUPTED
 
 Arguments = TypeVar("Arguments")
 SCENE_HELP = (
@@ -63,13 +64,18 @@ def parse(
     hints = get_type_hints(kind)
     for part in fields(kind):  # type: ignore[arg-type]
         name, default = part.name.replace("_", "-"), part.default
-        # what isn't shown comes from the dataclass
-        shown = argparse.SUPPRESS if default in (MISSING, None, ()) else default
+        text, shown = part.metadata["help"], default
+        if isinstance(default, tuple) and default:
+            # argparse would print it as Python writes it
+            text += f" (default: {' '.join(map(str, default))})"
+        if isinstance(default, tuple) or default in (MISSING, None):
+            # it comes from the dataclass
+            shown = argparse.SUPPRESS
         parser.add_argument(
             f"--{name}",
             required=default is MISSING,
             default=shown,
-            help=part.metadata["help"],
+            help=text,
             **_reading(hints[part.name]),
         )
     given = vars(parser.parse_args(words))
@@ -81,13 +87,21 @@ def launch(
 ) -> None:
     """Run a program with the arguments of the command line.
 
-    What is wrong with them, or with a file, is told in one line; the exit status is 2 then.
+    What is wrong with them, or with a file, is told in one line; the exit status is 2 then. Ctrl-C
+    ends it without a traceback, also where a program does nothing about it.
     """
     try:
         main(parse(kind, description))
     except (ValueError, ImportError, OSError) as error:
         print(f"{program()}: {error}", file=sys.stderr)
         raise SystemExit(WRONG) from None
+    except KeyboardInterrupt:
+        print(f"{program()}: interrupted", file=sys.stderr)
+        raise SystemExit(INTERRUPTED) from None
+
+
+# What stands for a value in --help.
+PLACEHOLDERS = {str: "NAME", Path: "PATH", int: "N", float: "X"}
 
 
 def _reading(hint: Any) -> dict[str, Any]:
@@ -99,4 +113,4 @@ def _reading(hint: Any) -> dict[str, Any]:
     if get_origin(hint) is tuple:
         kinds = get_args(hint)
         return _reading(kinds[0]) | {"nargs": "+" if Ellipsis in kinds else len(kinds)}
-    return {"type": hint, "metavar": hint.__name__.upper()}
+    return {"type": hint, "metavar": PLACEHOLDERS[hint]}

@@ -10,7 +10,7 @@ import pandas as pd
 from agents import entries, plots, scores
 from agents.entries import GAMES, LeaderboardEntry
 from agents.evaluate import show as show_table
-from agents.scores import GAP, ORACLE, RULE, Interval
+from agents.scores import BEST_STATIC, GAP, ORACLE, RULE, Interval
 from agents.styles import style_of
 
 SPLIT = "test"
@@ -30,6 +30,9 @@ def text(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> str:
         markdown(table(found, own), 1),
         "Score by family:",
         markdown(by_family(own), 1),
+        "Work of the learners, in multiples of the tuned rule's / of that of the best static "
+        "setting in hindsight, on the same flows:",
+        markdown(work(found, own), 1),
         "Probability [%] that the agent of the row earns more than that of the column:",
         markdown(improvements(own), 1),
         "![Share of runs above each score](pictures/leaderboard_profiles.png)",
@@ -90,6 +93,21 @@ def by_family(runs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def work(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> pd.DataFrame:
+    """Return the mean work of the learners in each family against that of two others, as text."""
+    rows = []
+    for entry in found:
+        if not entry.about["networks"]:
+            continue
+        row = {"agent": style_of(entry.agent).label}
+        for family in GAMES:
+            here = runs[runs["family"] == family]
+            ratios = (scores.work_ratio(here, entry.agent, other) for other in (RULE, BEST_STATIC))
+            row[family] = " / ".join(DASH if np.isnan(x) else f"{x:.2f}" for x in ratios)
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
 def improvements(runs: pd.DataFrame) -> pd.DataFrame:
     """Return the probabilities of improvement of every agent over every other one, as text."""
     agents = sorted(set(runs["agent"]))
@@ -121,8 +139,13 @@ def _scored(runs: pd.DataFrame) -> str:
 def _behind(found: Sequence[LeaderboardEntry]) -> str:
     """Return a sentence on versions and sources."""
     versions = " and ".join(sorted({entry.about["version"] for entry in found}))
-    digests = ", ".join(f"{style_of(e.agent).label} `{e.about['sources'][:8]}`" for e in found)
-    return f"Flows of version {versions}; digests of the sources: {digests}."
+    agents: dict[str, list[str]] = {}
+    for entry in found:
+        agents.setdefault(entry.about["sources"][:8], []).append(style_of(entry.agent).label)
+    digests = "; ".join(f"`{digest}` ({', '.join(own)})" for digest, own in agents.items())
+    if len(agents) == 1:
+        digests = f"`{next(iter(agents))}`"
+    return f"Flows of version {versions}. Digest of the sources: {digests}."
 
 
 def ranged(found: Interval, digits: int = 2) -> str:

@@ -1,4 +1,4 @@
-"""Figures on the cards of the shipped networks: those that the leaderboard has of them."""
+"""Cards of the shipped networks, and the figures on them: those that the leaderboard has."""
 
 import json
 from collections.abc import Sequence
@@ -11,8 +11,9 @@ from agents import board
 from agents.entries import LeaderboardEntry
 from agents.scores import RULE
 from agents.styles import style_of
-from sph_gym.controllers.network import SHIPPED
-from sph_gym.controllers.shipped import load, names
+from sph_gym.controllers.network import SHIPPED, Network, shipped_network
+from sph_gym.controllers.shipped import BEST, load, names
+from sph_gym.env.selection import members
 from sph_gym.files import atomic_write
 from sph_gym.provenance import content_hash
 
@@ -20,7 +21,7 @@ from sph_gym.provenance import content_hash
 def figures(
     network: Path, found: Sequence[LeaderboardEntry], runs: pd.DataFrame
 ) -> dict[str, str] | None:
-    """Return what the leaderboard says of a network's agent, None if it has not played there.
+    """Return what the leaderboard says of a network's agent, None without test flows of it.
 
     An agent has several trainings. The figures are of all of them: one alone would be chance.
     """
@@ -29,7 +30,10 @@ def figures(
     if entry is None:
         return None
     rows = board.table(found, board.usual(runs, board.SPLIT)).set_index("agent")
-    own, rule = (rows.loc[style_of(name).label] for name in (entry.agent, RULE))
+    labels = [style_of(name).label for name in (entry.agent, RULE)]
+    if not set(labels) <= set(rows.index):
+        return None
+    own, rule = (rows.loc[label] for label in labels)
     place = list(entry.about["networks"].values()).index(digest) + 1
     return {
         "source": f"docs/leaderboard/{entry.agent}.json: {own['trainings']} trainings, of which "
@@ -45,17 +49,45 @@ def figures(
 
 
 def renewed(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> dict[Path, dict[str, Any]]:
-    """Return the cards of all shipped networks that have played, with their present figures."""
+    """Return the cards of all shipped networks, with their present figures; none without runs."""
     cards = {}
     for name in names():
         known = figures(SHIPPED / f"{name}.npz", found, runs)
-        if known is not None:
-            cards[SHIPPED / f"{name}.json"] = load(name).card | {"figures": known}
+        cards[SHIPPED / f"{name}.json"] = load(name).card | {"figures": known or {}}
     return cards
+
+
+def begin(algorithm: str, scene: str, network: Network, training: dict[str, Any]) -> None:
+    """Write the card of a network that has just been put into the package, and list it as usable.
+
+    training: the entries "how", "command", "seeds" and "minutes". There are no figures until the
+    leaderboard has played it. For its families it stands behind the networks that are there.
+    """
+    name = shipped_network(algorithm, scene).stem
+    n_in, *widths = (weight.shape[1] for weight in network.weights)
+    card = {
+        "what": f"A policy for {scene}: observations {network.observation!r} to actions "
+        f"{network.action!r}, a perceptron with {n_in} inputs and layers of "
+        f"{' and '.join(map(str, widths))} {network.activation} units.",
+        **training,
+        "figures": {},
+        "limits": "It has not been measured yet (python -m agents.leaderboard).",
+    }
+    _write(SHIPPED / f"{name}.json", card)
+    path = SHIPPED / f"{BEST}.json"
+    best = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    for family in {*members(scene), scene}:
+        usable = best.setdefault(family, [])
+        usable += [name] if name not in usable else []
+    _write(path, best)
 
 
 def write(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> None:
     """Write the present figures into the cards."""
     for path, card in renewed(found, runs).items():
-        with atomic_write(path) as draft:
-            draft.write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
+        _write(path, card)
+
+
+def _write(path: Path, content: Any) -> None:
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -34,7 +34,7 @@ from sph_gym.env import env_id
 from sph_gym.env.instances import ODD
 from sph_gym.env.instances import parse as parse_instance
 from sph_gym.extras import progress_bar
-from sph_gym.solver.checks import known
+from sph_gym.solver.checks import known, whole
 from sph_gym.studies.machine import describe
 from sph_gym.view import Painter, side_by_side, write_video
 
@@ -80,10 +80,12 @@ def specs(args: ComparisonArgs) -> list[Spec]:
     networks = dict(zip(args.networks[::2], args.networks[1::2], strict=True))
     for name in args.agents:
         known("agents", name, NAMES)
+    for count in args.grid:
+        whole("grid", count, at_least=1)
     for name, path in networks.items():
         known("networks", name, [agent for agent in args.agents if agent in LEARNED])
         Network.load(path)
-    chosen = []
+    chosen, missing = list[Spec](), list[str]()
     for name in args.agents:
         if name in STATIC:
             chosen.append(_search(args, name))
@@ -92,9 +94,14 @@ def specs(args: ComparisonArgs) -> list[Spec]:
             if network is not None:
                 chosen.append(Spec(name, network=str(network)))
             else:
-                print(f"{name}: no network has been trained for {args.scene}, left out")
+                missing.append(name)
         else:
             chosen.append(Spec(name))
+    left_out = f"no network for {args.scene} comes with the package: {', '.join(missing)}"
+    if not chosen:
+        raise ValueError(f"agents: {left_out}; --networks takes one of your own")
+    if missing:
+        print(f"{left_out}; left out")
     return chosen
 
 
@@ -229,9 +236,14 @@ def _notes(args: ComparisonArgs, chosen: Sequence[Spec]) -> list[str]:
         elif spec.settings is not None:
             courant, sound, xsph = spec.settings
             notes.append(
-                f"The grid search tried {np.prod(args.grid)} settings on {args.n_search} training "
-                f"instances; the best was dt = {courant:g} h/c, c = {sound:g} c0, "
-                f"xsph = {xsph:g}."
+                f"{style_of(spec.name).label} tried {np.prod(args.grid)} settings on "
+                f"{args.n_search} training instances; the best was dt = {courant:g} h/c, "
+                f"c = {sound:g} c0, xsph = {xsph:g}."
+            )
+        elif spec.table is not None:
+            notes.append(
+                f"{style_of(spec.name).label} is the best of {np.prod(args.grid)} settings on the "
+                "very instance."
             )
     if args.instances == "ood":
         notes.append(

@@ -91,7 +91,9 @@ def learner(name: str, networks: Sequence[str], trained_on: Sequence[str]) -> Ag
     for family in trained_on:
         known("trained_on", family, GAMES)
     specs = {
-        family: tuple(Spec(algorithm, network=path.format(family=family)) for path in networks)
+        family: tuple(
+            Spec(algorithm, network=path.replace("{family}", family)) for path in networks
+        )
         for family in GAMES
     }
     for path in {spec.network for each in specs.values() for spec in each}:

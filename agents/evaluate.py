@@ -1,5 +1,6 @@
 """Play an agent on instances, one episode or many, and sum up how it did."""
 
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -41,8 +42,17 @@ PERCENT = ("density_error", "clumping", "noise", "blowup")
 # Column of the time that the policy itself takes.
 CLOCK = "policy_seconds"
 
-# Sources of the agents, besides those of the package, that decide how an episode goes.
-SOURCES = (Path(__file__), Path(policies.__file__))
+# Sources of the agents, besides those of the package, that decide how an episode goes: also those
+# of agents from modules of their own, which `policies` imports.
+SOURCES = (
+    Path(__file__),
+    Path(policies.__file__),
+    *sorted(
+        Path(str(sys.modules[name].__file__))
+        for name in {getattr(each, "__module__", None) or "" for each in vars(policies).values()}
+        if name.startswith("agents.") and name != policies.__name__
+    ),
+)
 
 
 @dataclass

@@ -52,6 +52,9 @@ class LeaderboardArgs(BackendArgs):
     verify: int = option(
         "if sources have changed, replay so many runs a family and keep the rest if they agree", 0
     )
+    drop: bool = option(
+        "give up runs that were made with anything else and aren't asked for", False
+    )
     results: Path = option("folder of the files", entries.FOLDER)
     output: Path = option("folder of finished episodes", Path("runs/leaderboard"))
     page: bool = option(
@@ -62,6 +65,8 @@ class LeaderboardArgs(BackendArgs):
 def agents_of(args: LeaderboardArgs) -> list[Agent]:
     """Return the agents that are to play. Raises ValueError for what can't."""
     if args.learner is not None:
+        if args.table is not None:
+            raise ValueError(f"table: expected none beside --learner, got {args.table}")
         found = [entries.learner(args.learner, args.networks, args.trained_on)]
     elif args.networks:
         raise ValueError("networks: expected none without --learner")
@@ -103,7 +108,7 @@ def _finer(id_: str, factor: int) -> str:
 def play(args: LeaderboardArgs) -> list[Path]:
     """Play what is missing and write the files of the agents; return their paths."""
     agents, ids, backend = agents_of(args), ids_of(args), args.where()
-    kept = [kept_runs(agent, args) for agent in agents]
+    kept = [kept_runs(agent, args, ids) for agent in agents]
     known_runs = [_keys(entry) for entry in kept]
     jobs = [
         (place, training, Job(spec, id_.split("/")[0], id_, parse_instance(id_).number))
@@ -132,10 +137,11 @@ def _write(agent: Agent, kept: LeaderboardEntry | None, played: pd.DataFrame, fo
     if played.empty:
         return entries.write(kept, folder)
     made = entries.make(agent, pd.concat([kept.runs, played]))
-    # of the runs that were there, too
+    # of the runs that were there, too; the time is that of the first ones, with their machine
     networks = max(kept.about["networks"], agent.networks, key=len)
     vectors = {*kept.about.get("vectors", "").split(JOINED), made.about["vectors"]} - {""}
-    whole_file = {"networks": networks, "vectors": JOINED.join(sorted(vectors))}
+    clock = {name: kept.about[name] for name in ("policy_microseconds", "processor")}
+    whole_file = clock | {"networks": networks, "vectors": JOINED.join(sorted(vectors))}
     return entries.write(made._replace(about=made.about | whole_file), folder)
 
 
@@ -148,35 +154,55 @@ def _keys(entry: LeaderboardEntry | None) -> set[tuple[int, str]]:
 # --- What is kept ---------------------------------------------------------------------------
 
 
-def kept_runs(agent: Agent, args: LeaderboardArgs) -> LeaderboardEntry | None:
+def kept_runs(agent: Agent, args: LeaderboardArgs, ids: Sequence[str]) -> LeaderboardEntry | None:
     """Return what the file of an agent holds, None if it was made with anything else.
 
     With other sources it holds if some of its runs come out the same, digit by digit. Trainings may
     be added to it, and its first ones are enough to go on with it, under whatever names.
+    ids: what is asked for. Raises ValueError if runs of other instances would be lost, unless
+    `drop` says so.
     """
     path = entries.path_of(agent.name, args.results)
     if not path.exists():
         return None
     entry = entries.read(path)
+    reason = changed(agent, entry, args)
+    if reason is None:
+        present = {"sources": entries.sources()}
+        if entry.about["sources"] != present["sources"]:
+            present["vectors"] = target.description()
+        return LeaderboardEntry(entry.about | present, entry.runs)
+    lost = int((~entry.runs["instance"].isin(ids)).sum())
+    if lost and not args.drop:
+        raise ValueError(
+            f"drop: {agent.name}: {reason} than in {path}, and {lost} of its runs aren't asked "
+            "for. --verify 1 keeps them all if only the sources have changed and the results are "
+            "the same; --drop gives them up"
+        )
+    print(f"{agent.name}: {reason} than in {path}: its {len(entry.runs)} runs are dropped")
+    return None
+
+
+def changed(agent: Agent, entry: LeaderboardEntry, args: LeaderboardArgs) -> str | None:
+    """Return what is otherwise than in an agent's file, None if its runs hold."""
     about, vectors = entry.about, target.description()
     given, made = list(agent.networks.values()), list(about["networks"].values())
     n = min(len(given), len(made)) or None
-    dropped = f"so its {len(entry.runs)} runs are dropped and those asked for are played"
-    present = (given[:n], agent.table, entries.manifests())
-    if (made[:n], about.get("table"), about["manifests"]) != present:
-        print(f"{agent.name}: other networks, settings or flows than in {path}, {dropped}")
-        return None
+    if (made[:n], about.get("table"), about["manifests"]) != (
+        given[:n],
+        agent.table,
+        entries.manifests(),
+    ):
+        return "other networks, settings or flows"
     if about["sources"] == entries.sources():
-        return entry
+        return None
     if not args.verify:
-        print(f"{agent.name}: other sources than in {path}, {dropped} (see --verify)")
+        return "other sources"
+    differing = verify(agent, entry, args)
+    if not differing:
         return None
-    if differing := verify(agent, entry, args):
-        print(f"{agent.name}: {differing} come out otherwise than in {path}, {dropped}")
-        if about.get("vectors") != vectors:
-            print(f"(made with {about.get('vectors')}, played with {vectors})")
-        return None
-    return LeaderboardEntry(about | {"sources": entries.sources(), "vectors": vectors}, entry.runs)
+    hint = "" if about.get("vectors") == vectors else f", and vectors {vectors} are others"
+    return f"other results of {', '.join(differing)}{hint}"
 
 
 def verify(agent: Agent, entry: LeaderboardEntry, args: LeaderboardArgs) -> list[str]:

@@ -56,13 +56,17 @@ def play_network(network: Network) -> Policy:
     own = network.action.partition(" ")[0]
     kind = actions.MODES.get(own, actions.Absolute)()
     discrete = network.squash == "none"
+    fitting: Any = None
 
     def act(env: gym.Env[Any, Any], observation: NDArray[np.float32]) -> Any:
+        nonlocal fitting
         tuning: Any = env.unwrapped
         rules = tuning.rules
-        # in absolute actions, what it chooses becomes the action that leads to the same place
-        mode = own if rules.action_mode == "absolute" else rules.action_mode
-        network.check(observation_layout(rules), action_layout(mode))
+        if rules is not fitting:
+            # in absolute actions, what it chooses becomes the action that leads to the same place
+            mode = own if rules.action_mode == "absolute" else rules.action_mode
+            network.check(observation_layout(rules), action_layout(mode))
+            fitting = rules
         values = network(observation)
         chosen: Any = int(values.argmax()) if discrete else values
         if rules.action_mode == own:
@@ -77,7 +81,10 @@ def _play_static(spec: Spec) -> Policy:
     if (spec.settings is None) == (spec.table is None):
         raise ValueError(f"agent: {spec.name} needs its settings, or a table of settings")
     if spec.table is not None:
-        return play_table(json.loads(Path(spec.table).read_text()))
+        try:
+            return play_table(dict(json.loads(Path(spec.table).read_text())))
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"table: {spec.table} is no table of settings ({error})") from None
     return follow(Static(*Settings._make(spec.settings or ())))
 
 

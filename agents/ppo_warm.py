@@ -35,6 +35,11 @@ class WarmArgs(TrainingArgs):
         "exported network to begin with, by default one that imitates the adaptive rule", None
     )
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.resume and self.start is not None:
+            raise ValueError(f"start: expected none with --resume, got {self.start}")
+
 
 @dataclass(frozen=True)
 class Caution:

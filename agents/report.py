@@ -98,7 +98,7 @@ def headline(summary: pd.DataFrame) -> str:
         names = _listed(near["agent"])
         best = style_of(first["agent"]).label
         text += f" The interval of {best} overlaps with that of {names}:"
-        text += " other instances may turn the order."
+        text += " other instances may change the order."
     blown = others[others["blowup"] > 0]
     if len(blown):
         text += f" Blow-ups: {', '.join(_share(row) for _, row in blown.iterrows())}."

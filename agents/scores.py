@@ -21,7 +21,7 @@ from agents.entries import LeaderboardEntry
 from sph_gym.env import instances
 from sph_gym.studies.averages import interquartile_mean
 
-RULE, ORACLE = "tuned_cfl", "lookahead"
+RULE, ORACLE, BEST_STATIC = "tuned_cfl", "lookahead", "hindsight"
 # Smallest gap in mean reward a step between rule and oracle for which an instance has a score.
 GAP = 0.05
 REPLICAS, LEVEL = 2000, 0.95
@@ -88,12 +88,15 @@ def interval(
 ) -> Interval:
     """Return a statistic of all values, and the ends of its 95 % interval.
 
-    tables: (n_trainings, n_instances) of each family; families may differ in their instances, and
-    all have the same trainings. Not a number without values; a single instance has no interval.
+    tables: (n_trainings, n_instances) of each family, which may differ in their instances; of the
+    trainings, only the first ones count that all families have. Not a number without values; a
+    single instance has no interval.
     """
     if not tables:
         return np.nan, np.nan, np.nan
-    value, n_trainings = float(statistic(pooled(tables))), len(tables[0])
+    n_trainings = min(map(len, tables))
+    tables = [table[:n_trainings] for table in tables]
+    value = float(statistic(pooled(tables)))
     if sum(table.shape[1] for table in tables) == 1:
         return value, np.nan, np.nan
     rng = np.random.default_rng(0)
@@ -125,6 +128,18 @@ def chances(runs: pd.DataFrame, agent: str, other: str) -> list[Values]:
     pairs["better"] = np.where(ahead.abs() < EQUAL, 0.5, ahead > 0)
     means = pairs.groupby(["family", "training", "instance"], as_index=False)["better"].mean()
     return tables_by_family(means, "better")
+
+
+def work_ratio(runs: pd.DataFrame, agent: str, other: str) -> float:
+    """Return the mean work of an agent over that of another one, on flows that both have played.
+
+    Not a number if there are none.
+    """
+    ours, theirs = (
+        runs[runs["agent"] == name].groupby("instance")["work"].mean() for name in (agent, other)
+    )
+    both = ours.index.intersection(theirs.index)
+    return float(ours[both].mean() / theirs[both].mean())
 
 
 def hypervolume(work: Values, error: Values) -> Values:

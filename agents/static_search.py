@@ -1,8 +1,8 @@
 """The best static settings: `python -m agents.static_search --method tpe --scene benchmark`.
 
-`grid` tries all combinations, `random_search`, `tpe` and `cma_es` (Optuna's samplers) try `trials`
-settings within the same bounds. Each scene gets the setting with the best mean return on its
-instances, or each instance its own, in hindsight (`--per instance`).
+`grid_search` tries all combinations, `random_search`, `tpe` and `cma_es` (Optuna's samplers) try
+`trials` settings within the same bounds. Each scene gets the setting with the best mean return on
+its instances, or each instance its own, in hindsight (`--per instance`).
 """
 
 import itertools

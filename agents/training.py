@@ -2,6 +2,8 @@
 
 import copy
 import shutil
+import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +15,8 @@ import yaml
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, CheckpointCallback
 
-from agents.arguments import SCENE_HELP, option
+from agents import cards
+from agents.arguments import SCENE_HELP, option, program
 from agents.checkpoints import newest_checkpoint
 from agents.exports import checked_export
 from agents.validation import NETWORK, Validation, ValidationCallback, validation_ids
@@ -46,12 +49,17 @@ class TrainingArgs:
         "checkpoints are pickles: loading one runs whatever code is in it; say that they are yours",
         False,
     )
-    ship: bool = option("also put the best network into the package", False)
+    ship: bool = option("also put the best network into the package, with a card", False)
+    hyperparams: Path | None = option(
+        "file of hyperparameters instead of agents/hyperparams/ALGORITHM.yml", None
+    )
 
     def __post_init__(self) -> None:
         for name in ("steps", "n_envs", "evaluate_every"):
             whole(name, getattr(self, name), at_least=1)
         validation_ids(self.scene, self.n_evaluations)
+        if self.hyperparams is not None and not self.hyperparams.is_file():
+            raise ValueError(f"hyperparams: there is no file {self.hyperparams}")
 
 
 class Trial(NamedTuple):
@@ -104,7 +112,7 @@ class Training:
 
         Read once: who edits the file meanwhile means the next training.
         """
-        found = hyperparameters(self.algorithm, self.args.scene)
+        found = hyperparameters(self.algorithm, self.args.scene, self.args.hyperparams)
         return found if self.trial is None else replaced(found, self.trial.settings)
 
     @property
@@ -165,7 +173,7 @@ class Training:
 
         more: callbacks besides checkpoints and validations. Ctrl-C ends all trials with this one.
         """
-        args, best = self.args, self.folder / "best_model.zip"
+        args, best, began = self.args, self.folder / "best_model.zip", time.monotonic()
         ids = validation_ids(args.scene, args.n_evaluations)
         validation = Validation(ids, self.folder, self.action_mode, args.resume)
         if not args.resume:
@@ -189,15 +197,28 @@ class Training:
             checked_export(model, self.plain).save(validation.network)
         print(f"policy: {validation.network}")
         if args.ship:
-            self._ship(validation.network, best if best.exists() else last)
+            minutes = round((time.monotonic() - began) / 60)
+            self._ship(validation.network, best if best.exists() else last, minutes)
 
-    def _ship(self, network: Path, model: Path) -> None:
-        """Copy the network into the package, and the model that it was made of beside this file."""
+    def _ship(self, network: Path, model: Path, minutes: int) -> None:
+        """Copy the network into the package, and the model that it was made of beside this file.
+
+        Its card says how it was trained.
+        """
         target = shipped_network(self.algorithm, self.args.scene)
         origin = FOLDER / "trained" / f"{target.stem}.zip"
         for source, place in ((network, target), (model, origin)):
             place.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, place)
+        args, found = self.args, self.hyperparameters
+        training = {
+            "how": f"{args.steps} steps with the hyperparameters {found}; kept is the network that "
+            f"was best on {len(validation_ids(args.scene, args.n_evaluations))} validation flows.",
+            "command": " ".join([program(), *sys.argv[1:]]),
+            "seeds": [args.seed],
+            "minutes": minutes,
+        }
+        cards.begin(self.algorithm, args.scene, Network.load(target), training)
         print(f"shipped: {target}")
 
     def _callbacks(self, validation: Validation) -> list[BaseCallback]:
@@ -211,12 +232,13 @@ class Training:
         ]
 
 
-def hyperparameters(algorithm: str, scene: str) -> dict[str, Any]:
+def hyperparameters(algorithm: str, scene: str, file: Path | None = None) -> dict[str, Any]:
     """Return those of an environment id; what its YAML entry doesn't name comes from `default`.
 
-    Raises ValueError for an unknown kind of actions.
+    file: instead of the algorithm's own. Raises ValueError for an unknown kind of actions.
     """
-    table = yaml.safe_load((FOLDER / "hyperparams" / f"{algorithm}.yml").read_text())
+    path = file or FOLDER / "hyperparams" / f"{algorithm}.yml"
+    table = yaml.safe_load(path.read_text())
     found = merged(table["default"], table.get(env_id(scene), {}))
     known("action_mode", found.get("env", found).get("action_mode"), actions.MODES)
     return found

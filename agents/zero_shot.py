@@ -47,7 +47,10 @@ def by_shift(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_spacing(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return gains on test flows at finer spacings, with the share of that on the same flows."""
+    """Return gains on test flows at finer spacings, with the share of that on the same flows.
+
+    The share compares what the same trainings gain on the same flows.
+    """
     test = runs[runs["split"] == USUAL].copy()
     test["flow"] = test["instance"].str.split(f"/{SPACING}").str[0]
     test["factor"] = [_factor(id_) for id_ in test["instance"]]
@@ -55,7 +58,8 @@ def by_spacing(runs: pd.DataFrame) -> pd.DataFrame:
     for agent, own in _others(test):
         row = {"agent": style_of(agent).label}
         for factor, finer in own[own["factor"] > 1].groupby("factor"):
-            same = own[(own["factor"] == 1) & own["flow"].isin(finer["flow"])]
+            # of the same trainings, too: not all of them may have played at each spacing
+            same = own[own["factor"] == 1].merge(finer[["training", "flow"]])
             row[f"dx/{factor}"] = kept(_gains(finer), _gains(same))
         if len(row) > 1:
             rows.append(row)

@@ -58,9 +58,21 @@ def test_the_help_shows_every_option_with_its_default(capsys):
     with pytest.raises(SystemExit):
         read("--help")
     text = capsys.readouterr().out
-    assert "--n-envs INT" in text
+    assert "--n-envs N" in text
     assert "how many (default: 2)" in text
     assert "what it is called\n" in text
+
+
+def test_an_interruption_is_one_line(monkeypatch, capsys):
+    def interrupt(arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys, "argv", ["agents/ppo.py"])
+    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "agents.ppo"])
+    with pytest.raises(SystemExit) as stopped:
+        launch(interrupt, Nothing, None)
+    assert stopped.value.code == 130
+    assert capsys.readouterr().err == "python -m agents.ppo: interrupted\n"
 
 
 def test_a_fault_is_one_line_and_exit_status_2(monkeypatch, capsys):

@@ -99,6 +99,12 @@ def test_the_interval_holds_the_spread_of_instances_and_of_trainings():
     assert np.isnan(scores.interval([])).all()
 
 
+def test_only_trainings_that_all_families_have_count():
+    tables = [np.zeros((3, 6)), np.ones((1, 6))]
+    value, low, high = scores.interval(tables, scores.mean)
+    assert value == low == high == 0.5
+
+
 def test_families_are_strata():
     # a family's mean isn't in doubt where its instances agree, however families differ
     tables = [np.full((1, 10), float(k)) for k in range(6)]
@@ -131,6 +137,17 @@ def test_the_probability_of_improvement():
     # half of the runs are better, and half are equal
     assert chance("sac", "tuned_cfl") == pytest.approx(0.75)
     assert chance("tuned_cfl", "sac") == pytest.approx(0.25)
+
+
+def test_work_is_compared_on_the_same_flows():
+    static = entry("hindsight", lambda *where: 0.7, n=2, work=0.8)
+    uneven = entry("ppo", lambda *where: 0.6, n=2, trained_on=GAMES, work=0.4)
+    longer = entry("ppo", lambda *where: 0.6, n=N, trained_on=GAMES, work=0.6)
+    more = longer.runs[~longer.runs["instance"].isin(uneven.runs["instance"])]
+    learner = LeaderboardEntry(uneven.about, pd.concat([uneven.runs, more], ignore_index=True))
+    table = board.work([RULE, learner], scores.runs_of([RULE, static, learner]))
+    assert list(table["agent"]) == ["PPO"]
+    assert set(table[GAMES[0]]) == {"0.55 / 0.50"}
 
 
 def test_the_hypervolume_is_the_share_of_trades_that_are_worse():
@@ -167,8 +184,12 @@ def test_finer_flows_are_compared_with_the_same_flows():
 
     rule = joined(RULE, entry("tuned_cfl", lambda *where: 0.4, n=2, suffix=finer))
     twice = entry("ppo", lambda *where: 0.45, n=2, suffix=finer, trained_on=GAMES)
-    # flows that were not played at dx/2 don't count at dx
-    varied = entry("ppo", lambda training, family, k: 0.5 + 0.01 * k if k < 2 else 0.0)
+    # flows that were not played at dx/2 don't count at dx, nor do trainings
+    varied = entry(
+        "ppo",
+        lambda training, family, k: 0.5 + 0.01 * k if k < 2 and not training else 0.0,
+        trainings=2,
+    )
     table = zero_shot.by_spacing(scores.runs_of([rule, joined(twice, varied)]))
     assert list(table.columns) == ["agent", "dx/2"]
     assert table["dx/2"][0] == "0.05 [0.05, 0.05], 50 %"
@@ -271,11 +292,31 @@ def test_results_of_other_sources_are_kept_only_if_some_come_out_the_same(tmp_pa
     played.clear()
     leaderboard.play(args(tmp_path, verify=1))
     assert len(played) == 2 + 6
-    assert "come out otherwise" in capsys.readouterr().out
+    assert f"other results of {GAMES[0]}/test/0 than in" in capsys.readouterr().out
     runs[0][2] += 1e-6
     change(path, sources="other", vectors="none", runs=runs)
     leaderboard.play(args(tmp_path, verify=1))
-    assert "(made with none, played with " in capsys.readouterr().out
+    assert "and vectors " in capsys.readouterr().out
+
+
+def test_runs_that_are_not_asked_for_are_not_lost_in_silence(tmp_path, played):
+    (path,) = leaderboard.play(args(tmp_path))
+    change(path, sources="other")
+    first = path.read_text()
+    played.clear()
+    with pytest.raises(ValueError, match=r"drop: cfl: other sources than in .* and 4 of its runs"):
+        leaderboard.play(args(tmp_path, n_instances=1))
+    assert path.read_text() == first
+    assert not played
+    leaderboard.play(args(tmp_path, n_instances=1, drop=True))
+    assert len(entries.read(path).runs) == 2
+
+
+def test_a_file_that_is_no_table_of_settings_is_refused(tmp_path, played):
+    table = tmp_path / "table.json"
+    table.write_text("{")
+    with pytest.raises(ValueError, match=r"table: .*table.json is no table of settings"):
+        leaderboard.play(args(tmp_path, agents=("tpe",), table=table))
 
 
 def test_other_networks_and_flows_make_other_results(tmp_path, played, capsys):
@@ -374,6 +415,8 @@ def test_a_learner_has_a_network_of_each_training_and_may_have_one_of_each_famil
         ({"learner": "nobody", "networks": ("x.npz",)}, "learner: expected one of"),
         ({"learner": "ppo"}, "a file of each training of ppo, got none"),
         ({"learner": "ppo", "networks": ("x.npz",)}, "there is no file x.npz"),
+        ({"learner": "ppo", "networks": ("{fam}.npz",)}, "there is no file {fam}.npz"),
+        ({"learner": "ppo", "table": Path("x.json")}, "table: expected none beside --learner"),
         ({"families": ("relaxation",)}, "families: expected one of"),
         ({"splits": ("exam",)}, "splits: expected one of"),
         ({"finer": (1,)}, "finer"),

@@ -1,7 +1,9 @@
 """Training in miniature: it runs, exports what it learned, and goes on from a checkpoint."""
 
 import io
+import json
 import os
+import sys
 import zipfile
 from importlib import import_module
 
@@ -13,13 +15,19 @@ pytest.importorskip("stable_baselines3")
 import yaml
 from stable_baselines3 import PPO
 
-from agents import ppo, training
+from agents import cards, entries, ppo, scores, training
+from agents.arguments import parse
 from agents.checkpoints import newest_checkpoint
 from agents.exports import checked_export, plain_network
 from agents.imitation import ImitationArgs, perceptron
 from agents.policies import Spec, build
+from agents.ppo_warm import WarmArgs
+from sph_gym.controllers import Network, shipped
+from sph_gym.controllers.network import shipped_network
+from sph_gym.controllers.shipped import fitting, load, names
 from sph_gym.env import env_id
 from sph_gym.env.stable_baselines import TuningVecEnv
+from tests.networks import tiny
 
 
 @pytest.fixture
@@ -33,7 +41,7 @@ def small(monkeypatch):
     }
     common = {"learning_rate": 1e-3, "policy_kwargs": {"net_arch": [8]}}
 
-    def look_up(algorithm, scene):
+    def look_up(algorithm, scene, file):
         found = settings[algorithm]
         mode = "discrete" if algorithm == "dqn" else "stable"
         return found | common | {"env": {"action_mode": mode, **found.get("env", {})}}
@@ -219,3 +227,30 @@ def test_the_last_batch_does_not_undo_what_was_learned():
 def test_wrong_arguments_are_named_before_anything_is_played(wrong, message):
     with pytest.raises(ValueError, match=message):
         training.TrainingArgs(**wrong)
+
+
+def test_the_commands_of_cards_are_understood():
+    for name in names():
+        program, *words = load(name).card["command"].split("python -m agents.")[1].split()
+        assert program == "ppo_warm"
+        args = parse(WarmArgs, None, words)
+        found = training.Training(program, args, ppo.export)
+        assert found.action_mode == load(name).network.action.partition(" ")[0]
+
+
+def test_a_network_begins_with_a_card_and_has_figures_only_of_its_own(tmp_path, monkeypatch):
+    for module in ("agents.cards", "sph_gym.controllers.shipped", "sph_gym.controllers.network"):
+        monkeypatch.setattr(sys.modules[module], "SHIPPED", tmp_path)
+    path = shipped_network("ppo", "dam_break")
+    tiny().save(path)
+    made = {"how": "quickly", "command": "python -m agents.ppo", "seeds": [3], "minutes": 1}
+    cards.begin("ppo", "dam_break", Network.load(path), made)
+    assert shipped("dam_break").card["seeds"] == [3]
+    assert fitting("dam_break") == {"ppo": "ppo_dam_break", "best": "ppo_dam_break"}
+    card_path = path.with_suffix(".json")
+    old = json.loads(card_path.read_text()) | {"figures": {"work": "of a former network"}}
+    card_path.write_text(json.dumps(old))
+    # it has played nothing
+    found = [each for each in entries.read_all(entries.FOLDER) if each.agent == "tuned_cfl"]
+    cards.write(found, scores.runs_of(found))
+    assert json.loads(card_path.read_text())["figures"] == {}

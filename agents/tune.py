@@ -162,9 +162,12 @@ def main(args: TuneArgs) -> None:
     best = args.folder / "best.yml"
     with atomic_write(best) as draft:
         draft.write_text(entry(args, study))
-    print(
-        f"{best.read_text()}best of {len(study.trials)} trainings: {study.best_value:.3f}; {best}"
-    )
+    ended = sum(trial.state in ENDED for trial in study.trials)
+    print(f"{best.read_text()}best of {ended} trainings: {study.best_value:.3f}; {best}")
+    usual = present(args)
+    for trial in study.trials:
+        if trial.state == TrialState.COMPLETE and trial.params == usual:
+            print(f"the settings of hyperparams/{args.algorithm}.yml: {trial.value:.3f}")
 
 
 if __name__ == "__main__":

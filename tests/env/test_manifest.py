@@ -83,7 +83,7 @@ def calm_and_violent(scene):
 # Machines round differently, and splashes make of it what they like: after some 15 frames of the
 # wildest flow, runs that began alike are other ones. Up to FRAMES, a reference is the same
 # everywhere, to the rounding of float32; and the rule's mean work is about the same to the end.
-FRAMES = 10
+FRAMES = 8
 # Half a part, and what single precision adds, as a share of the largest value.
 ROUNDING = {name: 0.501 / (2**bits - 1) for name, bits in manifest.BITS.items()}
 ENERGY, PLACE, SUBSTEPS = 1e-4, 1e-4, 0.1  # shares of the largest energy, of dx, of the work

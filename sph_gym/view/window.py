@@ -160,11 +160,6 @@ class Window:
             self._redraw()
             self._clock.tick(min(1.0 / self.source.state.scene.frame, FASTEST))
 
-    def wait_until_closed(self) -> None:
-        """Leave the last picture on the screen, if there is one; keys that change it still work."""
-        while not self.closed and self._display.is_seen:
-            self._react(load().event.wait(NAP))
-
     def close(self) -> None:
         """Close the window and release the display; more than once does no harm."""
         self._end_film()
@@ -419,7 +414,7 @@ class Window:
 
     def _hand_over(self) -> None:
         if not self._can_steer or self._history is None:
-            self._notice = "here nobody can take over the controls"
+            self._notice = "the controls of this run can't be changed"
             return
         names = [YOU, *self._controllers]
         self._steered = names[(names.index(self._steered) + 1) % len(names)]

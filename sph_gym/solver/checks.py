@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -101,6 +102,14 @@ def whole(name: str, value: Any, at_least: int = 0) -> int:
     if result != int(result):
         raise ValueError(f"{name}: expected a whole number, got {shown(value)}")
     return int(result)
+
+
+def path_of(name: str, value: Any) -> Path:
+    """Return `value` as a path; else raise ValueError."""
+    try:
+        return Path(value)
+    except TypeError:
+        raise ValueError(f"{name}: expected a path, got {shown(value)}") from None
 
 
 def countable(

@@ -5,6 +5,7 @@ import weakref
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from sph_gym.files import atomic_write
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.view import colors
@@ -414,7 +415,7 @@ class Window:
 
     def _hand_over(self) -> None:
         if not self._can_steer or self._history is None:
-            self._notice = "the controls of this run can't be changed"
+            self._notice = "here the controls can't be handed over"
             return
         names = [YOU, *self._controllers]
         self._steered = names[(names.index(self._steered) + 1) % len(names)]
@@ -427,7 +428,8 @@ class Window:
         """Save the picture under the scene's name and time; a failure must not end the run."""
         pygame, path = load(), free_path(self._stem(), ".png")
         try:
-            pygame.image.save(self._picture(), str(path))
+            with atomic_write(path) as draft:
+                pygame.image.save(self._picture(), str(draft))
         except (OSError, pygame.error) as error:
             self._notice = f"not saved: {error}"
         else:

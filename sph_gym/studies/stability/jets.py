@@ -121,7 +121,8 @@ FRAMES = 60
 class Strays(NamedTuple):
     """Strays that get behind the first layer of three before a blow-up is reported.
 
-    n_passed: how many of thirty; reported: 1 if one is, at the end of the step in which it happens, which ends the run, or 0.
+    n_passed: how many of thirty; reported: 1 if one is, at the end of the step in which it happens,
+    which ends the run, or 0.
     """
 
     n_passed: int

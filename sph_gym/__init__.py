@@ -36,7 +36,7 @@ __version__ = VERSION
 register_all()
 
 # Public names by the module that has them. They are imported when they are first used: numba and
-# the solver take most of a second, which who only looks up an environment's id needn't wait for.
+# the solver take most of a second, and a look-up of an environment's id needs neither.
 _PLACES = {
     "env.tuning": ("TuningEnv",),
     "solver.batch": ("advance_all",),
@@ -67,7 +67,7 @@ if not TYPE_CHECKING:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted([*__all__, "__version__"])
 
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Blow-ups in plain words, for everybody that has to tell about one."""
+"""Blow-ups in plain words, for all parts that tell about one."""
 
 from sph_gym.solver.report import Report
 

@@ -18,7 +18,7 @@ from sph_gym.solver.simulation import Simulation
 
 
 class Every(NamedTuple):
-    """How far rows of a table are apart at most. number: of "s", seconds, or "steps", substeps."""
+    """Largest distance between rows of a table. number: of "s", seconds, or "steps", substeps."""
 
     number: float
     unit: str = "s"

@@ -24,7 +24,7 @@ from sph_gym.view.colors import available, quantity
 from sph_gym.view.video import video_target
 
 VIDEO_WIDTH, VIDEO_FPS = 960, 30
-# So many particles are logged if nobody says which.
+# Number of particles that are logged if none are named.
 LOGGED = 3
 # Characters of a time in a table of particles.
 TIME_WIDTH = 12

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from sph_gym.extras import needs_extra
 from sph_gym.files import atomic_write
 from sph_gym.provenance import VERSION
-from sph_gym.solver.checks import known
+from sph_gym.solver.checks import instance_of, known, path_of
 from sph_gym.solver.gauges import Gauge
 from sph_gym.solver.plain import to_plain
 from sph_gym.solver.simulation import Simulation
@@ -85,11 +85,12 @@ class Recorder:
     def __init__(
         self, path: str | os.PathLike[str], sim: Simulation, gauges: Sequence[Gauge] = ()
     ) -> None:
-        self._gauges = {gauge.name: gauge for gauge in gauges}
+        instance_of("sim", sim, Simulation)
+        self._gauges = {instance_of("gauges", gauge, Gauge).name: gauge for gauge in gauges}
         if len(self._gauges) < len(gauges):
             names = ", ".join(gauge.name for gauge in gauges)
             raise ValueError(f"gauges: expected different names, got {names}")
-        target, self._sim, self._closed = Path(path), sim, False
+        target, self._sim, self._closed = path_of("path", path), sim, False
         suffix = known("suffix of path", target.suffix.lower(), _WRITERS)
         if not target.parent.is_dir():
             raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
@@ -130,8 +131,11 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
     A .pvd has no controls, so they are NaN. Raises ValueError for other suffixes and contents,
     OSError if the file can't be opened, ImportError that names the extra to install.
     """
-    path = Path(path)
-    stored = _READERS[known("suffix of path", path.suffix.lower(), _READERS)](path)
+    path = path_of("path", path)
+    suffix = known("suffix of path", path.suffix.lower(), _READERS)
+    if not path.exists():
+        raise FileNotFoundError(f"path: there is no file {str(path)!r}")
+    stored = _READERS[suffix](path)
     try:
         parameters = _parameters(stored)
         times, controls = stored["times"], stored["controls"]

@@ -100,6 +100,10 @@ def test_a_word_that_is_not_known_gives_one_line_with_the_nearest(line, message,
         ("docs sph_gym/DamBreak-v2", "did you mean 'sph_gym/DamBreak-v1'"),
         ("doctor --fault atracts", "did you mean 'attracts'"),
         ("recommend eliptical_drop --error 1%", "did you mean 'elliptical_drop'"),
+        ("recommend dam_break --json x.json", "^sph_gym: --json: expected --error or --budget"),
+        ("run relaxation --log -3", "^sph_gym: --log: expected a number at least 0, got -3"),
+        ("run relaxation --json no/o.json", "^sph_gym: --json: there is no directory 'no'$"),
+        (f"run relaxation --json {ROOT}", "^sph_gym: --json: expected a file, got the directory"),
     ],
 )
 def test_a_name_that_is_not_known_gives_one_line_with_the_nearest(line, message, capsys):

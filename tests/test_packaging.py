@@ -82,7 +82,7 @@ def test_every_public_name_is_there():
     namespace = {}
     exec("from sph_gym import *", namespace)
     assert set(sph_gym.__all__) <= set(namespace)
-    assert set(sph_gym.__all__) <= set(dir(sph_gym))
+    assert set(dir(sph_gym)) == {*sph_gym.__all__, "__version__"}
     with pytest.raises(AttributeError, match="has no attribute 'Simulaton'"):
         sph_gym.Simulaton  # noqa: B018
 

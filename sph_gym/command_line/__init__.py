@@ -14,7 +14,7 @@ from sph_gym.command_line import (
     run,
     study,
 )
-from sph_gym.command_line.outcome import Outcome, write_json
+from sph_gym.command_line.outcome import Outcome, check_place, write_json
 from sph_gym.command_line.parser import FAILED, WRONG, Parser
 from sph_gym.provenance import VERSION
 
@@ -90,6 +90,8 @@ def _words(error: Exception) -> str:
 def _outcome(options: Any) -> Outcome:
     """Carry out a command and write its outcome where --json says."""
     path = getattr(options, "json", None)
+    if path:
+        check_place(path)
     # what a program reads from the standard output must be nothing but JSON
     aside = redirect_stdout(sys.stderr) if path == "-" else nullcontext()
     with aside:

@@ -15,6 +15,15 @@ class Outcome(NamedTuple):
     data: Any = None
 
 
+def check_place(path: str) -> None:
+    """Raise OSError that names --json if no file can be at a path; "-" is the standard output."""
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"--json: there is no directory {str(target.parent)!r}")
+    if target.is_dir():
+        raise IsADirectoryError(f"--json: expected a file, got the directory {path!r}")
+
+
 def write_json(path: str, data: Any) -> None:
     """Write data as JSON to a file, or to the standard output if the path is "-".
 
@@ -24,7 +33,7 @@ def write_json(path: str, data: Any) -> None:
     if path == "-":
         print(text)
         return
-    with atomic_write(Path(path)) as draft:
+    with atomic_write(path, make_folder=False) as draft:
         draft.write_text(text + "\n", encoding="utf-8")
 
 

@@ -43,9 +43,10 @@ def _recommend(options: argparse.Namespace) -> Outcome:
     from sph_gym import recommend
 
     if options.error is None and options.budget is None:
-        if options.set or options.table or options.json:
+        given = [f"--{name}" for name in ("set", "table", "json") if getattr(options, name)]
+        if given:
             raise ValueError(
-                "--set, --table, --json: expected --error or --budget beside it, got neither"
+                f"{', '.join(given)}: expected --error or --budget beside it, got neither"
             )
         print(*recommend.summarize(options.scene), sep="\n")
         return Outcome()

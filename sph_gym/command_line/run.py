@@ -191,6 +191,7 @@ def _replay(options: argparse.Namespace) -> Outcome:
 def _logged(options: argparse.Namespace, sim: Any) -> tuple[int, Any]:
     """Return how many particles to log, and the log of those that are named, if any are."""
     from sph_gym.run import LOGGED, spread
+    from sph_gym.solver.checks import whole
     from sph_gym.solver.particle_log import ParticleLog
 
     text = options.log
@@ -201,7 +202,7 @@ def _logged(options: argparse.Namespace, sim: Any) -> tuple[int, Any]:
     if count is not None and options.particles is not None:
         raise ValueError(f"--log: expected names such as rho,p with --particles, got {text}")
     if count is not None:
-        return count, None
+        return whole("--log", count), None
     if text is None and options.particles is None:
         return 0 if options.gauge else LOGGED, None
     particles = options.particles

@@ -57,8 +57,8 @@ class AdaptiveRule:
     It is to be called once a frame, remembers a run, and begins anew at time 0.
     """
 
-    def __init__(self, rule: TunedCfl | None = None) -> None:
-        self.rule = rule or TunedCfl()
+    def __init__(self) -> None:
+        self.rule = TunedCfl()
         self.memory = NoiseMemory(0.0, 1.0)
 
     def __call__(self, sim: Simulation) -> Controls:

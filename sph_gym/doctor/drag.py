@@ -21,7 +21,7 @@ SEEN_KINEMATIC, SEEN_DYNAMIC = 1e-2, 1e-4
 
 
 class Way(NamedTuple):
-    """How a solver's viscosity is seen: in `a`, or in changes of v; and what is asked for."""
+    """Where a solver's viscosity is seen: in `a`, or in changes of v; and what is asked for."""
 
     by_a: bool
     viscosity: float

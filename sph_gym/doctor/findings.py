@@ -1,4 +1,4 @@
-"""What a check returns: a finding, made by one of the functions below."""
+"""Results of checks: findings, made by one of the functions below."""
 
 from typing import Any, NamedTuple
 

@@ -18,7 +18,7 @@ CONTRACTION, CONTRACTING_STEPS, CONTRACTING_DT = 0.1, 8, 0.02
 
 
 class Response(NamedTuple):
-    """What particles felt.
+    """Response of particles to their neighbours.
 
     rho: (n,) densities [kg/m^3], None if the solver shows none; a: (n, 2) accelerations [m/s^2];
     moved: (n, 2) displacements [m] that the velocities don't explain.

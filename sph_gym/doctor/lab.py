@@ -15,7 +15,7 @@ OPTIONAL = ("rho", "p", "a", "evaluate", "neighbors", "c0", "stiffness")
 
 
 class Fields(NamedTuple):
-    """What a solver shows of one evaluation; None for what it doesn't show.
+    """Results of one evaluation of a solver; None for what it doesn't show.
 
     rho: (n,) [kg/m^3]; p: (n,) [Pa]; a: (n, 2) [m/s^2].
     """

@@ -19,7 +19,7 @@ NOTHING = "nothing"
 
 
 class DiagnosisOutcome(NamedTuple):
-    """What became of a diagnosis: the solver, its broken link, the one found, and by which check.
+    """Outcome of a diagnosis: the solver, its broken link, the one found, and by which check.
 
     link, found: "" for a healthy solver, and where nothing was found.
     """

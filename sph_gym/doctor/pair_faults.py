@@ -1,4 +1,4 @@
-"""What may be wrong in the law of a pair's force, a thing at a time."""
+"""Faults in the law of a pair's force, one at a time."""
 
 from typing import NamedTuple
 

@@ -18,7 +18,7 @@ from sph_gym.doctor.registry import Function
 from sph_gym.doctor.subject import Crash, SolverUnderTest
 
 # Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
-# times as large as those at rest, and even then a step is to move nobody by more than 1e-5 h.
+# times as large as those at rest, and even then a step is to move none by more than 1e-5 h.
 STILL = 1e-6
 MOMENT = 0.002  # the time step of particles in motion
 # Distances of pairs in support radii: dense where kernels differ, and some beyond the support.
@@ -30,7 +30,7 @@ _GOLDEN = np.pi * (3 - 5**0.5)
 
 
 class Seen(NamedTuple):
-    """What was seen of a solver: rho, p (n,) and a (n, 2); NaN for rho and p if not shown."""
+    """Measurements of a solver: rho, p (n,) and a (n, 2); NaN for rho and p if not shown."""
 
     rho: Array
     p: Array
@@ -38,7 +38,7 @@ class Seen(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """What was seen of pairs, each alone in empty space; NaN for what isn't shown.
+    """Measurements of pairs, each alone in empty space; NaN for what isn't shown.
 
     q: (k,) distances in support radii; rho, p: (k, 2) of both partners; push: (k, 2) accelerations
     of both, positive away from the partner [m/s^2]; closing: (k,) speeds at which they approach

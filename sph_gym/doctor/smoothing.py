@@ -1,4 +1,4 @@
-"""What XSPH does: the velocities that it adds where particles are moved."""
+"""The effect of XSPH: the velocities that it adds where particles are moved."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,14 +14,14 @@ EPSILON = 0.5
 # moves little, even where it is wrong.
 SPEED, SOFT = 0.2, 0.1 * C0
 # Steps, short enough that velocities hardly change, long enough that 32 bits see displacements:
-# this long [h / C0], so many that are left out and so many that count.
+# their length [h / C0], the number that is left out first, and the number that counts.
 STEP, BEFORE, COUNTED = 0.01, 2, 4
 # Velocities that pressure changes by more than this share meanwhile tell nothing of XSPH.
 CALM = 0.2
 
 
 class Drift(NamedTuple):
-    """How a solver moves particles in some steps.
+    """Motion of particles in some steps of a solver.
 
     moved: displacement a time (n, 2) [m/s]; mean: of the velocities before and after (n, 2) [m/s];
     v: velocities (n, 2) [m/s] after BEFORE and after all steps.

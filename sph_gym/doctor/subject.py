@@ -40,7 +40,7 @@ class Hang(Exception):
 
 
 class Waits(Exception):
-    """What steps are needed for can't be told: the name of the check that found them broken."""
+    """A check needs steps, and they are broken: the name of the check that found that out."""
 
 
 class TooSlow(Exception):

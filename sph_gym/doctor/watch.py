@@ -22,8 +22,10 @@ from sph_gym.solver.offender import Limits, Offender, State, find, neighborhood
 from sph_gym.solver.plain import to_plain
 from sph_gym.solver.simulation import Simulation
 
-# So many states are kept, less if they would take more than so many bytes.
-KEPT, ROOM = 100, 2**30
+# Number of states that are kept.
+KEPT = 100
+# The most bytes that they may take; of large states fewer are kept.
+ROOM = 2**30
 # Defaults of the limits: speeds of sound, [m/s] if it isn't known, largest densities of the start.
 MACH, TOP_SPEED, DENSE = 10.0, 5000.0, 10.0
 # Neighbours within so many distances of the nearest ones.
@@ -175,7 +177,7 @@ class _Watched:
 
 
 class _Guard:
-    """What is kept of a solver, and what is asked of it."""
+    """The memory of a watched solver, and all that it is asked."""
 
     def __init__(self, solver: Any, path: Any, limits: Limits | None, callback: Any) -> None:
         self._solver, self._path, self._callback = solver, path, callback

@@ -1,4 +1,4 @@
-"""What a neighbour adds to a density, measured on pairs: for solvers that show densities."""
+"""Shares that neighbours add to a density, measured on pairs: for solvers that show densities."""
 
 from typing import NamedTuple
 

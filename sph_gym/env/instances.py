@@ -100,9 +100,9 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
     """
     known("scene", scene, FAMILIES)
     size = SIZES[known("instances", split, SIZES)]
-    if not 0 <= number < size:
+    if number not in range(size):
         raise ValueError(
-            f"instance: expected a number from 0 to {size - 1} in {split!r}, got {number}"
+            f"instance: expected a number from 0 to {size - 1} in {split!r}, got {number!r}"
         )
     id_, usual = f"{scene}/{split}/{number}", FAMILIES[scene].dx
     if dx is not None and dx != usual:

@@ -180,7 +180,7 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How to make this environment again; plain data for JSON, with a Scene as `to_dict`.
+        """The recipe of this environment: plain data for JSON, with a Scene as `to_dict`.
 
         `max_episode_steps` is the length of all episodes, None if they differ. No `TimeLimit` is
         there: the environment itself truncates.

@@ -89,7 +89,7 @@ class TuningVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How to make this vector again; see `TuningEnv.spec`."""
+        """The recipe of this vector; see `TuningEnv.spec`."""
         return self._spec
 
     @spec.setter

@@ -10,12 +10,19 @@ from sph_gym.solver.checks import positive
 UNITS = {"ms": 1e-3, "min": 60.0, "h": 3600.0, "s": 1.0}
 
 
+def _stripped(name: str, text: str, examples: str) -> str:
+    """Return a text without spaces around it. Raises ValueError for anything that is no text."""
+    if not isinstance(text, str):
+        raise ValueError(f"{name}: expected a text such as {examples}, got {text!r}")
+    return text.strip()
+
+
 def parse_error(text: str) -> float:
     """Return the share in a text such as 0.01 or 1%.
 
     Raises ValueError for others, and for 1 without a sign, which is all of it: 1 % must be meant.
     """
-    number = text.strip()
+    number = _stripped("error", text, "0.01 or 1%")
     try:
         value = positive("error", float(number.removesuffix("%")))
     except ValueError:
@@ -29,7 +36,7 @@ def parse_error(text: str) -> float:
 
 def parse_budget(text: str) -> float:
     """Return the seconds in a text such as 10s, 500ms, 2min, 1h or 10, else raise ValueError."""
-    number = text.strip().lower()
+    number = _stripped("budget", text, "10s, 500ms or 2min").lower()
     unit = next((u for u in UNITS if number.endswith(u)), "")
     try:
         return positive("budget", float(number.removesuffix(unit)) * UNITS.get(unit, 1.0))

@@ -7,7 +7,7 @@ import numpy as np
 from sph_gym.scenes.shared.free_bodies import conserved, energy_measures, momentum_measures
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.simulation import Simulation
@@ -27,8 +27,8 @@ def colliding_patches(
     diffusion of density damps it, and nothing else rubs.
     """
     dx, speed = positive("dx", dx), positive("speed", speed)
-    length = snap(in_range("length", positive("length", length), 3 * dx), dx)
-    height = snap(in_range("height", positive("height", height), 3 * dx), dx)
+    length = snap(at_least_spacings("length", length, 3, dx), dx)
+    height = snap(at_least_spacings("height", height, 3, dx), dx)
     gap = in_range("gap", gap, 0.0)
     right = lattice(gap / 2, gap / 2 + length, -height / 2, height / 2, dx)
     towards = np.zeros_like(right)

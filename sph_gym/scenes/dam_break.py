@@ -9,7 +9,7 @@ from sph_gym.scenes.shared import martin_moyce, shallow, tanks
 from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
@@ -34,8 +34,8 @@ def dam_break(
     Lasts for 4 sqrt(width / g) of collapse and until the front could have crossed the tank and
     come half the way back.
     """
-    dx, width = positive("dx", dx), in_range("width", width, 3 * dx)
-    height, gravity = in_range("height", height, 3 * dx), positive("gravity", gravity)
+    dx, width = positive("dx", dx), at_least_spacings("width", width, 3, dx)
+    height, gravity = at_least_spacings("height", height, 3, dx), positive("gravity", gravity)
     length = snap(width * in_range("tank", tank, 1.0), dx)
     sides = 1.25 * height
     x = lattice(0.0, width, 0.0, height, dx)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sph_gym.scenes.shared import tanks
 from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, positive
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
@@ -31,12 +31,12 @@ def drop_impact(
     Lasts for the fall and three times the time of a wave across half the tank.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
-    diameter, width = in_range("diameter", diameter, 3 * dx), in_range("width", width, 6 * dx)
-    drop_height = in_range("drop_height", drop_height, dx)
-    pool_depth = in_range("pool_depth", pool_depth, dx)
+    diameter = at_least_spacings("diameter", diameter, 3, dx)
+    width = at_least_spacings("width", width, 6, dx)
+    drop_height = at_least_spacings("drop_height", drop_height, 1, dx)
+    pool_depth = at_least_spacings("pool_depth", pool_depth, 1, dx)
     width, pool_depth = snap(width, dx), snap(pool_depth, dx)
-    if diameter > width - 6 * dx:
-        raise ValueError(f"diameter: expected at most width - 6 dx, got {diameter:g} m")
+    tanks.check_room(diameter, width, dx)
     middle = pool_depth + drop_height + diameter / 2
     drop = disc(width / 2, middle, diameter / 2, dx)
     # the centre of the drop falls to the floor

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
+from sph_gym.scenes.shared import tanks
 from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
-from sph_gym.solver.checks import in_range, positive, whole
+from sph_gym.solver.checks import at_least_spacings, countable, positive, whole
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.walls import Walls
@@ -29,13 +30,16 @@ def drop_sequence(
     Lasts for twice the interval after the last impact.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
-    diameter, width = in_range("diameter", diameter, 3 * dx), in_range("width", width, 6 * dx)
-    drop_height = in_range("drop_height", drop_height, dx)
+    diameter = at_least_spacings("diameter", diameter, 3, dx)
+    width = at_least_spacings("width", width, 6, dx)
+    drop_height = at_least_spacings("drop_height", drop_height, 1, dx)
     drops, interval = whole("drops", drops, at_least=1), positive("interval", interval)
     width = snap(width, dx)
-    pool_depth = snap(in_range("pool_depth", pool_depth, dx), dx)
-    if diameter > width - 6 * dx:
-        raise ValueError(f"diameter: expected at most width - 6 dx, got {diameter:g} m")
+    pool_depth = snap(at_least_spacings("pool_depth", pool_depth, 1, dx), dx)
+    tanks.check_room(diameter, width, dx)
+    in_pool, in_drop = (width / dx) * (pool_depth / dx), math.pi / 4 * (diameter / dx) ** 2
+    countable(in_pool + in_drop)
+    countable(in_pool + drops * in_drop, "drops", "fewer drops")
     heights = drop_height + 1.5 * diameter * np.arange(drops)
     arrivals = math.sqrt(2 * drop_height / gravity) + interval * np.arange(drops)
     thrown = gravity * arrivals / 2 - heights / arrivals

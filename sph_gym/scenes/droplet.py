@@ -9,7 +9,7 @@ from sph_gym.extras import needs_extra
 from sph_gym.scenes.shared.free_bodies import conserved, momentum_measures, rings, semi_axes
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, known, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, known, positive
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.simulation import Simulation
@@ -37,7 +37,7 @@ def droplet(
     nu / sqrt(sigma R / rho), without which the layer in which the surface pulls doesn't calm down.
     """
     dx, sigma = positive("dx", dx), positive("sigma", sigma)
-    side = snap(in_range("side", positive("side", side), 8 * dx), dx)
+    side = snap(at_least_spacings("side", side, 8, dx), dx)
     h, radius, rho0 = 3.3 * dx, side / math.sqrt(math.pi), 1000.0
     nu = in_range("ohnesorge", ohnesorge, 0.0) * math.sqrt(sigma * radius / rho0)
     time = math.sqrt(rho0 * radius**3 / sigma)

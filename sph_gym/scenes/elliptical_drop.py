@@ -12,7 +12,7 @@ from sph_gym.scenes.shared.free_bodies import (
 )
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, positive
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.simulation import Simulation
 
@@ -27,8 +27,8 @@ def elliptical_drop(dx: float = 0.025, radius: float = 1.0, rate: float = 100.0)
     matched kernel and a symplectic integrator; the pressure is nowhere negative, so that it can
     be cut off at the surface.
     """
-    dx, radius = positive("dx", dx), positive("radius", radius)
-    in_range("radius", radius, 3 * dx)
+    dx = positive("dx", dx)
+    radius = at_least_spacings("radius", radius, 3, dx)
     rate = positive("rate", rate)
     x = rings(radius, dx)
     return Scene(

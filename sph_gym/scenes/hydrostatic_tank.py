@@ -10,7 +10,7 @@ from sph_gym.scenes.shared import tanks
 from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.gravity import Gravity
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -41,7 +41,8 @@ def hydrostatic_tank(
     column compresses it by half its depth times g / c^2.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
-    width, depth = in_range("width", width, 3 * dx), in_range("depth", depth, 3 * dx)
+    width = at_least_spacings("width", width, 3, dx)
+    depth = at_least_spacings("depth", depth, 3, dx)
     width, depth = snap(width, dx), snap(depth, dx)
     return Scene(
         "hydrostatic_tank",

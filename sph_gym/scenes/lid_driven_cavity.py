@@ -6,7 +6,7 @@ import numpy as np
 
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run, read
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.sampling import interpolate
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -32,7 +32,7 @@ def lid_driven_cavity(
     with a pressure of their own let it through; shifting closes the voids that suction opens.
     """
     dx, speed = positive("dx", dx), positive("speed", speed)
-    size = snap(in_range("size", size, 5 * dx), dx)
+    size = snap(at_least_spacings("size", size, 5, dx), dx)
     boundary = tank_particles(size, size, dx, layers=4, lid=True)
     velocity = np.zeros_like(boundary)
     velocity[boundary[:, 1] > size, 0] = speed

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
+from sph_gym.scenes.shared import tanks
 from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.geometry import disc, lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.walls import Walls
@@ -27,11 +28,11 @@ def long_fall(
     Mach 0.36 for a moment, which `Simulation.warnings` tells.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
-    diameter, width = in_range("diameter", diameter, 3 * dx), in_range("width", width, 6 * dx)
-    drop_height = in_range("drop_height", drop_height, dx)
+    diameter = at_least_spacings("diameter", diameter, 3, dx)
+    width = at_least_spacings("width", width, 6, dx)
+    drop_height = at_least_spacings("drop_height", drop_height, 1, dx)
     width = snap(width, dx)
-    if diameter > width - 6 * dx:
-        raise ValueError(f"diameter: expected at most width - 6 dx, got {diameter:g} m")
+    tanks.check_room(diameter, width, dx)
     depth = round(in_range("puddle", puddle, 0.0, drop_height) / dx) * dx
     drop = disc(width / 2, depth + drop_height + diameter / 2, diameter / 2, dx)
     pool = lattice(0.0, width, 0.0, depth, dx) if depth > 0 else np.empty((0, 2))

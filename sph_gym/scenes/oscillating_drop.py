@@ -13,7 +13,7 @@ from sph_gym.scenes.shared.free_bodies import (
 )
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.gravity import CentralGravity
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
@@ -35,8 +35,8 @@ def oscillating_drop(
     to twice omega; periods: how long it lasts. Pressure is nowhere negative and nothing rubs: only
     a matched kernel and a symplectic integrator keep such a drop going.
     """
-    dx, radius = positive("dx", dx), positive("radius", radius)
-    in_range("radius", radius, 3 * dx)
+    dx = positive("dx", dx)
+    radius = at_least_spacings("radius", radius, 3, dx)
     omega, periods = positive("omega", omega), positive("periods", periods)
     rate = in_range("rate", positive("rate", rate), 1e-6 * omega, 2 * omega)
     x = rings(radius, dx)

@@ -7,7 +7,7 @@ article's fluid, whose time step, stiffness and smoothing can be tuned.
 import numpy as np
 
 from sph_gym.scenes.shared.family import FlowFamily
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, positive
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene
 
@@ -25,9 +25,9 @@ def patch_impact(
     Lasts until they have met and for the passage of a patch.
     """
     dx, speed = positive("dx", dx), positive("speed", speed)
-    length = snap(in_range("length", positive("length", length), 3 * dx), dx)
-    height = snap(in_range("height", positive("height", height), 3 * dx), dx)
-    gap = in_range("gap", positive("gap", gap), dx)
+    length = snap(at_least_spacings("length", length, 3, dx), dx)
+    height = snap(at_least_spacings("height", height, 3, dx), dx)
+    gap = at_least_spacings("gap", gap, 1, dx)
     right = lattice(gap / 2, gap / 2 + length, -height / 2, height / 2, dx)
     towards = np.full_like(right, (-speed, 0.0))
     duration = gap / (2 * speed) + length / speed

@@ -4,7 +4,7 @@ import numpy as np
 
 from sph_gym.scenes.shared.free_bodies import conserved
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
-from sph_gym.solver.checks import in_range, known, positive, whole
+from sph_gym.solver.checks import at_least_spacings, in_range, known, positive, whole
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.kernels import KERNELS, MATCHED
 from sph_gym.solver.scene import Effects, Fluid, Scene
@@ -27,7 +27,7 @@ def perturbed_lattice(
     and one that isn't matched heats the lattice.
     """
     dx, c0 = positive("dx", dx), positive("c0", c0)
-    side = snap(in_range("side", positive("side", side), 12 * dx), dx)
+    side = snap(at_least_spacings("side", side, 12, dx), dx)
     known("kernel", kernel, KERNELS)
     x = lattice(0.0, side, 0.0, side, dx)
     rng = np.random.default_rng(whole("seed", seed))

@@ -8,7 +8,7 @@ import numpy as np
 from sph_gym.scenes.shared.family import FlowFamily
 from sph_gym.scenes.shared.free_bodies import conserved, momentum_measures
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
-from sph_gym.solver.checks import in_range, positive, whole
+from sph_gym.solver.checks import at_least_spacings, in_range, positive, whole
 from sph_gym.solver.geometry import disc
 from sph_gym.solver.scene import Effects, Fluid, Scene
 from sph_gym.solver.simulation import Simulation
@@ -19,15 +19,16 @@ def relaxation(
 ) -> Scene:
     """A round blob whose particles are off their lattice by `jitter` dx (normal deviate).
 
-    diameter: [m]. It settles only because the scene names a laminar viscosity: pressure that is
-    clamped can push but not pull, so that without viscosity the stored energy of the jitter
-    drives the blob apart for ever, and artificial viscosity acts only on pairs that approach.
+    diameter: [m]; jitter: at most 0.2. It settles only because the scene names a laminar
+    viscosity: pressure that is clamped can push but not pull, so that without viscosity the stored
+    energy of the jitter drives the blob apart for ever, and artificial viscosity acts only on
+    pairs that approach.
     """
     dx = positive("dx", dx)
-    diameter = in_range("diameter", diameter, dx)
+    diameter = at_least_spacings("diameter", diameter, 1, dx)
     x = disc(0.0, 0.0, diameter / 2, dx)
     rng = np.random.default_rng(whole("seed", seed))
-    x = x + rng.normal(0.0, in_range("jitter", jitter, 0.0) * dx, x.shape)
+    x = x + rng.normal(0.0, in_range("jitter", jitter, 0.0, 0.2) * dx, x.shape)
     c0 = 10.0
     return Scene(
         "relaxation",

@@ -7,7 +7,7 @@ import numpy as np
 from sph_gym.scenes.shared.free_bodies import conserved, energy_measures, momentum_measures
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, positive
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.kernels import ALL_KERNELS, density_kernel, gradient
 from sph_gym.solver.scene import Effects, Fluid, Scene
@@ -27,7 +27,7 @@ def rotating_square(dx: float = 0.025, side: float = 1.0, omega: float = 1.0) ->
     tensile correction keeps particles from pairing, and what sound it stirs up is damped.
     """
     dx, omega = positive("dx", dx), positive("omega", omega)
-    side = snap(in_range("side", positive("side", side), 4 * dx), dx)
+    side = snap(at_least_spacings("side", side, 4, dx), dx)
     x = lattice(-side / 2, side / 2, -side / 2, side / 2, dx)
     x -= x.mean(axis=0)
     return Scene(

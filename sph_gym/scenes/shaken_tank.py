@@ -6,7 +6,7 @@ import numpy as np
 
 from sph_gym.scenes.shared import waves
 from sph_gym.scenes.shared.family import GRAVITY, STRONG_GRAVITY, FlowFamily
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.gravity import RecordedGravity
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -33,7 +33,8 @@ def shaken_tank(
     It warns at the start: the article's kernels heat water at rest, a little (`sim.warnings`).
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
-    length, fill = in_range("length", length, 6 * dx), in_range("fill", fill, dx)
+    length = at_least_spacings("length", length, 6, dx)
+    fill = at_least_spacings("fill", fill, 1, dx)
     length, fill = snap(length, dx), snap(fill, dx)
     strength = in_range("strength", positive("strength", strength), 0.0, 2.0)
     shakes, rest = positive("shakes", shakes), positive("rest", rest)

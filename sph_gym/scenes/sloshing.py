@@ -8,7 +8,7 @@ import numpy as np
 from sph_gym.scenes.shared import tanks, waves
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.gravity import RollingTank
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -39,8 +39,9 @@ def sloshing(
     and gravity turns. Source of the defaults: Botia-Vera, Souto-Iglesias, Bulian, Lobovsky 2010.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
-    length, fill = in_range("length", length, 6 * dx), in_range("fill", fill, dx)
-    height = in_range("height", height, fill + dx)
+    length = at_least_spacings("length", length, 6, dx)
+    fill = at_least_spacings("fill", fill, 1, dx)
+    height = at_least_spacings("height", height, fill / dx + 1, dx)
     length, fill, height = (snap(side, dx) for side in (length, fill, height))
     roll = math.radians(in_range("degrees", degrees, 0.0, 45.0))
     omega = waves.frequency(1, length, fill, gravity) / positive("period_ratio", period_ratio)

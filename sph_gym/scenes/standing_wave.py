@@ -8,7 +8,7 @@ import numpy as np
 from sph_gym.scenes.shared import waves
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import RMS, Refinement
-from sph_gym.solver.checks import in_range, positive, whole
+from sph_gym.solver.checks import at_least_spacings, in_range, positive, whole
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
@@ -32,7 +32,8 @@ def standing_wave(
     [m/s^2]. No viscosity: the reference has none, and XSPH calms the particles.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
-    length, depth = in_range("length", length, 6 * dx), in_range("depth", depth, 3 * dx)
+    length = at_least_spacings("length", length, 6, dx)
+    depth = at_least_spacings("depth", depth, 3, dx)
     length, depth = snap(length, dx), snap(depth, dx)
     amplitude = in_range("amplitude", positive("amplitude", amplitude), 0.0, 0.2 * depth)
     amplitude = in_range("amplitude", amplitude, 0.0, 0.1 * length)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive, whole
+from sph_gym.solver.checks import at_least_spacings, in_range, positive, whole
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
@@ -36,7 +36,7 @@ def taylor_green(
     noise of the densities brakes the flow: at 3 dx the error is twice as large.
     """
     dx, speed = positive("dx", dx), positive("speed", speed)
-    size = snap(in_range("size", size, 16 * dx), dx)
+    size = snap(at_least_spacings("size", size, 16, dx), dx)
     jitter = in_range("jitter", jitter, 0.0, 0.5)
     rng = np.random.default_rng(whole("seed", seed))
     x = lattice(0.0, size, 0.0, size, dx)

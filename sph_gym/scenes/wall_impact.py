@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sph_gym.scenes.shared import tanks
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run, read
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, in_range, positive
 from sph_gym.solver.gauges import Gauge
 from sph_gym.solver.geometry import lattice, snap, tank_particles
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
@@ -37,7 +37,8 @@ def wall_impact(
     A matched kernel, walls without friction and with the pressure of the fluid, for pressures.
     """
     dx, gravity = positive("dx", dx), positive("gravity", gravity)
-    width, height = in_range("width", width, 3 * dx), in_range("height", height, 3 * dx)
+    width = at_least_spacings("width", width, 3, dx)
+    height = at_least_spacings("height", height, 3, dx)
     length, height = snap(in_range("length", length, width), dx), snap(height, dx)
     unit = math.sqrt(height / gravity)
     return Scene(

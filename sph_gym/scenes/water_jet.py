@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run
 from sph_gym.scenes.shared.refinement import Refinement
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, positive
 from sph_gym.solver.geometry import lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
@@ -36,8 +36,9 @@ def water_jet(
     waves of the impact go on for ever; walls without friction.
     """
     dx, speed = positive("dx", dx), positive("speed", speed)
-    width = snap(in_range("width", width, 4 * dx), dx)
-    length = snap(in_range("length", length, (STEADY + TAIL + 1) * width), dx)
+    width = snap(at_least_spacings("width", width, 4, dx), dx)
+    length = at_least_spacings("length", length, (STEADY + TAIL + 1) * width / dx, dx)
+    length = snap(length, dx)
     x = lattice(-width / 2, width / 2, 0.0, length, dx)
     x = x[x[:, 1] > 2 / width * x[:, 0] ** 2]
     half = snap(PLATE * width, dx)

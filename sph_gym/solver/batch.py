@@ -36,7 +36,8 @@ def advance_all(
 
 
 def _checked(simulations: Iterable[Simulation]) -> list[Simulation]:
-    sims = list(simulations)
+    # something else than a list counts as its only element, which is refused
+    sims = list(simulations) if isinstance(simulations, Iterable) else [simulations]
     for sim in sims:
         if not isinstance(sim, Simulation):
             raise ValueError(f"simulations: expected Simulation objects, got {sim!r}")

@@ -3,12 +3,29 @@
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 MOST_PARTICLES = 1e8
+# Share by which a length may fall short of a multiple of dx: 3 * 0.1 is a little more than 0.3.
+ROUNDING = 1e-9
+
+Kind = TypeVar("Kind")
+
+
+def shown(value: Any) -> str:
+    """Return a value as a message shows it: a number of NumPy as the plain number."""
+    return repr(value.item() if isinstance(value, np.generic) else value)
+
+
+def instance_of(name: str, value: Any, kind: type[Kind]) -> Kind:
+    """Return `value` if it is an instance of the class `kind`; else raise ValueError."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name}: expected a {kind.__name__}, got {shown(value)}")
+    return value
 
 
 def number(name: str, value: Any) -> float:
@@ -18,9 +35,9 @@ def number(name: str, value: Any) -> float:
             raise TypeError
         result = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name}: expected a number, got {value!r}") from None
+        raise ValueError(f"{name}: expected a number, got {shown(value)}") from None
     if not math.isfinite(result):
-        raise ValueError(f"{name}: expected a finite number, got {value!r}")
+        raise ValueError(f"{name}: expected a finite number, got {shown(value)}")
     return result
 
 
@@ -28,7 +45,7 @@ def positive(name: str, value: Any) -> float:
     """Return `value` as a finite float above zero; else raise ValueError."""
     result = number(name, value)
     if result <= 0:
-        raise ValueError(f"{name}: expected a number above 0, got {value!r}")
+        raise ValueError(f"{name}: expected a number above 0, got {shown(value)}")
     return result
 
 
@@ -37,7 +54,22 @@ def in_range(name: str, value: Any, low: float, high: float = math.inf) -> float
     result = number(name, value)
     if not low <= result <= high:
         bounds = f"at least {low:g}" if high == math.inf else f"in [{low:g}, {high:g}]"
-        raise ValueError(f"{name}: expected a number {bounds}, got {value!r}")
+        raise ValueError(f"{name}: expected a number {bounds}, got {shown(value)}")
+    return result
+
+
+def at_least_spacings(name: str, value: Any, n: float, dx: float) -> float:
+    """Return a length [m] as a finite float of at least n dx; else raise ValueError.
+
+    A length that falls short of that by no more than a rounding error is taken as it is.
+    """
+    result = positive(name, value)
+    if not result >= n * dx * (1 - ROUNDING):
+        least = f"{n:g} dx" if n != 1 else "dx"
+        raise ValueError(
+            f"{name}: expected at least {least} = {n * dx:g} m, got {result:g} m; a larger one, or "
+            f"a dx of at most {result / n:.4g} m instead of {dx:g} m, would do"
+        )
     return result
 
 
@@ -49,12 +81,15 @@ def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.fl
             raise TypeError
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name}: expected numbers of shape {wanted}, got {value!r}") from None
+        raise ValueError(
+            f"{name}: expected numbers of shape {wanted}, got {shown(value)}"
+        ) from None
     fits = array.ndim == len(shape) and all(
         isinstance(want, str) or have == want for have, want in zip(array.shape, shape, strict=True)
     )
     if not fits:
-        raise ValueError(f"{name}: expected shape {wanted}, got {array.shape}")
+        found = array.shape if array.ndim else shown(value)
+        raise ValueError(f"{name}: expected shape {wanted}, got {found}")
     if not np.isfinite(array).all():
         bad = int(np.flatnonzero(~np.isfinite(array.reshape(len(array), -1)).all(axis=1))[0])
         raise ValueError(f"{name}: expected finite numbers, got {array[bad]} at index {bad}")
@@ -65,16 +100,29 @@ def whole(name: str, value: Any, at_least: int = 0) -> int:
     """Return `value` as an integer of at least `at_least`; else raise ValueError."""
     result = in_range(name, value, at_least)
     if result != int(result):
-        raise ValueError(f"{name}: expected a whole number, got {value!r}")
+        raise ValueError(f"{name}: expected a whole number, got {shown(value)}")
     return int(result)
 
 
-def countable(particles: float) -> None:
-    """Raise ValueError for a region that takes more particles than fit into memory."""
+def path_of(name: str, value: Any) -> Path:
+    """Return `value` as a path; else raise ValueError."""
+    try:
+        return Path(value)
+    except TypeError:
+        raise ValueError(f"{name}: expected a path, got {shown(value)}") from None
+
+
+def countable(
+    particles: float, name: str = "dx", remedy: str = "a larger dx or a smaller region"
+) -> None:
+    """Raise ValueError for a region that takes more particles than fit into memory.
+
+    name: of the argument to blame; remedy: what makes fewer of them.
+    """
     if not particles <= MOST_PARTICLES:
         raise ValueError(
-            f"dx: expected at most {MOST_PARTICLES:g} particles, got {particles:.3g}; "
-            "a larger dx or a smaller region makes fewer"
+            f"{name}: expected at most {MOST_PARTICLES:g} particles, got {particles:.3g}; "
+            f"{remedy} makes fewer"
         )
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver.checks import finite_array, known, positive
+from sph_gym.solver.checks import finite_array, instance_of, known, positive
 from sph_gym.solver.geometry import disc
 from sph_gym.solver.simulation import Simulation
 
@@ -83,6 +83,7 @@ class Gauge:
 
         Raises ValueError for walls that the scene doesn't have.
         """
+        instance_of("sim", sim, Simulation)
         if self.quantity == "force":
             return sim.force_on(self.at)
         if self.quantity == "level":

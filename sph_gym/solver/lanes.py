@@ -166,11 +166,11 @@ class Code:
         """The address seen as that of lanes."""
         return self.builder.bitcast(address, llvm.as_pointer())
 
-    def call(self, name: str, result: Any, *args: Any, fast: bool = False) -> Any:
+    def call(self, name: str, result: Any, *args: Any) -> Any:
         """Call an LLVM intrinsic by its full name."""
         kind = ir.FunctionType(result, [arg.type for arg in args])
         function = cgutils.get_or_insert_function(self.builder.module, kind, name)
-        return self.builder.call(function, args, fastmath=tuple(FASTMATH) if fast else ())
+        return self.builder.call(function, args)
 
     def suffix(self, llvm: Any) -> str:
         """The end of an intrinsic's name: v8f64 for eight lanes of float64, f64 for one."""

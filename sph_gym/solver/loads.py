@@ -1,4 +1,4 @@
-"""What sides of the box that mirror the fluid take from it: on the whole, and along them.
+"""Loads on sides of the box that mirror the fluid: on the whole, and along them.
 
 In plain numpy, but for the forces, which the solver computes.
 """

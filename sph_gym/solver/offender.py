@@ -21,7 +21,7 @@ LINKS = {
     "x": "integration",
 }
 UNITS = {"rho": "kg/m^3", "p": "Pa", "a": "m/s^2", "v": "m/s", "x": "m", "speed": "m/s"}
-# So many neighbours are listed.
+# Number of neighbours in the table of a particle's surroundings.
 LISTED = 20
 
 
@@ -39,7 +39,7 @@ class State(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What is still sane.
+    """Bounds of what is still sane.
 
     speed: the largest [m/s]; density: the largest [kg/m^3]; box: (x_min, x_max, y_min, y_max) [m],
     infinite where there is no side: positions outside have escaped.

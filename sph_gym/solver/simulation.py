@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver import diagnostics, failure, hydrostatics, stepping, teams
-from sph_gym.solver.checks import known, whole
+from sph_gym.solver.checks import instance_of, known, whole
 from sph_gym.solver.contact import force_on
 from sph_gym.solver.diagnostics import ALL, Request
 from sph_gym.solver.energy import GravityWork, make_ledger
@@ -58,14 +58,10 @@ class Simulation:
         neighbors: str = "grid",
         threads: int | None = None,
     ) -> None:
-        if not isinstance(scene, Scene):
-            raise ValueError(f"scene: expected a Scene, got {scene!r}")
-        self.scene = scene
+        self.scene = instance_of("scene", scene, Scene)
         self.dtype = known("dtype", dtype, DTYPES)
         self.neighbors = known("neighbors", neighbors, NEIGHBORS)
-        if threads is None:
-            threads = self._default_threads()
-        most = whole("threads", threads, at_least=1)
+        most = whole("threads", self._default_threads() if threads is None else threads, 1)
         self._float = DTYPES[self.dtype]
         self.mass = particle_mass(scene)
         self.time = 0.0
@@ -405,19 +401,18 @@ class Simulation:
 
         time [s]; density_error: mean over the fluid of max(rho/rho0 - 1, 0), since a deficit at
         a free surface is no error; density_error_p99: its 99th percentile; surface: share of
-        particles below 0.9 rho0; clumping: share of
-        particles with another one closer than 0.6 dx; min_spacing: smallest distance / dx (inf
-        for a lonely particle or none within h); median_spacing: median distance to the nearest
-        neighbour / dx; mean_neighbors; kinetic_energy, potential_energy, internal_energy [J/m];
-        energy_excess: energy from nowhere as a share of what is at stake; com_x, com_y: centre of
-        mass [m]; extent_x, extent_y: standard deviations of x and y [m]; lowest: smallest y [m];
-        front: largest x [m]; adrift: share of particles with |a - g| < 0.1 g, 0 without
-        gravity; momentum_x, momentum_y [kg/s]; angular_momentum [kg m/s]; max_speed [m/s];
-        velocity_noise: mean of |v - local affine fit|^2 [m^2/s^2]; flow_speed: 99th percentile of
-        the speed of these fits [m/s];
-        max_acceleration [m/s^2]; mach: max_speed / c; courant: dt c / h; and of the last blow-up,
-        -1 if there was none: blowup_cause, its place in `failure.CAUSES`; blowup_substep,
-        substeps from the start to it; time_to_failure [s].
+        particles below 0.9 rho0; clumping: share of particles with another one closer than
+        0.6 dx; min_spacing: smallest distance / dx (inf for a lonely particle or none within h);
+        median_spacing: median distance to the nearest neighbour / dx; mean_neighbors;
+        kinetic_energy, potential_energy, internal_energy [J/m]; energy_excess: energy from
+        nowhere as a share of what is at stake; com_x, com_y: centre of mass [m]; extent_x,
+        extent_y: standard deviations of x and y [m]; lowest: smallest y [m]; front: largest x
+        [m]; adrift: share of particles with |a - g| < 0.1 g, 0 without gravity; momentum_x,
+        momentum_y [kg/s]; angular_momentum [kg m/s]; max_speed [m/s]; velocity_noise: mean of
+        |v - local affine fit|^2 [m^2/s^2]; flow_speed: 99th percentile of the speed of these fits
+        [m/s]; max_acceleration [m/s^2]; mach: max_speed / c; courant: dt c / h; and of the last
+        blow-up, -1 if there was none: blowup_cause, its place in `failure.CAUSES`;
+        blowup_substep, substeps from the start to it; time_to_failure [s].
         """
         totals, scene, (x, y) = self._totals, self.scene, self._shift
         gravity = scene.effects.gravity_at(self.time)

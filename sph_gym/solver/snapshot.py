@@ -1,5 +1,6 @@
 """Snapshots of a simulation: checked before anything is changed."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +38,11 @@ def read_snapshot(given: Any, engine: Engine, n_ledger: int, n_warnings: int) ->
 
     Raises ValueError if it is of another size, precision or form.
     """
+    if not isinstance(given, Mapping):
+        raise ValueError(f"snapshot: expected one of Simulation.snapshot(), got {given!r}")
+    missing = ", ".join(part for part in Snapshot._fields if part not in given)
+    if missing:
+        raise ValueError(f"snapshot: expected one of Simulation.snapshot(), it has no {missing}")
     try:
         snapshot = Snapshot(
             {name: np.asarray(given["fluid"][name]) for name in engine.state_columns},

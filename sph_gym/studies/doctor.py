@@ -1,4 +1,4 @@
-"""What the doctor finds: every fault that it knows, and sound solvers, which it must not accuse.
+"""Study of the doctor: it must find every fault that it knows, and accuse no sound solver.
 
 Faults are looked at twice: in solvers that show all that the protocol knows, and in the same ones
 behind a wall that lets through nothing but positions and velocities. The sound solvers are the

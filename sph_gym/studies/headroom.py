@@ -7,9 +7,10 @@ Instances where one of the two leaves its tolerance can't be compared: there, no
 gained.
 
 The ablation freezes each control at the value of the best static setting and searches again. A
-search that freezes nothing but tries other settings tells how much of a loss is its own luck: a
-control counts as needed where freezing it costs more than that by a margin. A control may have to
-be there and yet need no steering; so XSPH is switched off as well, for the whole episode.
+search that freezes nothing but tries other settings tells the noise floor of the search: how much
+of a loss is luck. A control counts as needed where freezing it costs more by a margin. A control
+may have to be there and yet need no steering; so XSPH is switched off as well, for the whole
+episode.
 
 A grid tells what the controls are worth as constants (`sph_gym.studies.controls`). Besides, the
 tuned rule, which is the unit of work, must keep within tolerance on every validation instance, and
@@ -37,14 +38,18 @@ from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
 
-# So much headroom, on so many scenes; and by so much must a loss of mean reward, where a control is
-# frozen, exceed that of another search, on so many scenes.
-HEADROOM, ENOUGH = 1.5, 5
+# The headroom that is asked for.
+HEADROOM = 1.5
+# The number of scenes that are to have it.
+ENOUGH = 5
+# A control matters on a scene if freezing it costs more mean reward than the noise floor of the
+# search, by this margin.
 LOSS = 0.01
+# The number of scenes on which each control is to matter.
 LOSERS = {"Courant multiple": 5, "sound speed": 5, "xsph": 2}
 CONTROLS = tuple(LOSERS)
 # The loss of another search with all controls; and the coordinate of XSPH with no smoothing at all.
-LUCK = "nothing: luck of the search"
+NOISE_FLOOR = "nothing: noise floor of the search"
 XSPH_AXIS, XSPH_OFF = 2, -1.0
 # Quantities of the rows that tell a scene's headroom.
 GAIN, NONE = "headroom over the best static", "no headroom: both within tolerance nowhere"
@@ -185,7 +190,7 @@ def _control_rows(plan: HeadroomPlan, folder: Path) -> Iterator[Row]:
 
 
 def play_ahead(plan: HeadroomPlan, folder: Path, backend: Backend) -> None:
-    """Let everybody play who does so in `contest` and in the rows, side by side on a backend."""
+    """Play all that `contest` and the rows need, side by side on a backend."""
     store = episodes.results(folder)
     games = [(scene, number) for scene in plan.scenes for number in range(plan.n_instances)]
     rules = [(scene, number) for scene in plan.games for number in range(instances.SIZES["val"])]
@@ -379,13 +384,13 @@ def _geometric_mean(ratios: list[float]) -> float:
 
 
 def losses(contests: list[Contest]) -> dict[str, float]:
-    """Return the loss of best known mean reward without each of the controls, and LUCK.
+    """Return the loss of best known mean reward without each of the controls, and NOISE_FLOOR.
 
     A beam can miss what another one finds: the static setting, too, counts for a search without a
     control, and every search for the best. The loss of the second search by the same measure,
-    with nothing frozen, is luck.
+    with nothing frozen, is the noise floor of the search.
     """
-    players = {**{name: frozen(name) for name in CONTROLS}, LUCK: ELSEWHERE}
+    players = {**{name: frozen(name) for name in CONTROLS}, NOISE_FLOOR: ELSEWHERE}
     lost = {}
     for name, player in players.items():
         tried = [one for one in contests if player in one.others]
@@ -396,10 +401,10 @@ def losses(contests: list[Contest]) -> dict[str, float]:
 
 
 def needed(contests: list[Contest]) -> list[str]:
-    """Return the controls without which more is lost than by the luck of a search."""
+    """Return the controls without which more is lost than the noise floor of the search."""
     lost = losses(contests)
-    luck = lost.pop(LUCK, 0.0)
-    return [name for name, loss in lost.items() if loss > luck + LOSS]
+    floor = lost.pop(NOISE_FLOOR, 0.0)
+    return [name for name, loss in lost.items() if loss > floor + LOSS]
 
 
 def summary(plan: HeadroomPlan, found: dict[str, list[Contest]]) -> Iterator[Row]:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sph_gym.extras import needs_extra
+from sph_gym.files import atomic_write
 from sph_gym.studies.peers import NAME
 from sph_gym.studies.table import Row
 
@@ -31,8 +32,8 @@ def new_figure(width: float, height: float) -> Any:
 
 def save(figure: Any, path: Path, dpi: int = 150) -> Path:
     """Write a figure as PNG and return its path."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=dpi)
+    with atomic_write(path) as draft:
+        figure.savefig(draft, dpi=dpi)
     return path
 
 

@@ -27,7 +27,7 @@ VELOCITY: Rgb = (20, 90, 170)
 # Particles whose value isn't a number, and the index at which a palette has this colour.
 BAD: Rgb = (255, 0, 144)
 BAD_INDEX = 256
-# A distance [dx] that stands for "nobody near".
+# A distance [dx] that stands for "no particle near".
 FAR = 100.0
 
 

@@ -7,7 +7,7 @@ from queue import Full, Queue
 
 from sph_gym.view.video import Picture, write_video
 
-# So many pictures may wait for the encoder; the window waits then.
+# Number of pictures that may wait for the encoder; with more, the window waits.
 WAITING = 32
 # How long the window waits at a time [s], to see whether the encoder has failed.
 NAP = 0.1

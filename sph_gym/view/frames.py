@@ -97,7 +97,7 @@ class Painter:
 
         title: above the fluid, by default the scene's name; lines: at most two, shown below the
         controls. Warnings of the simulation are shown in the upper left corner of the domain.
-        Raises ValueError for more lines.
+        Raises ValueError for more lines, and for what is no state.
         """
         return as_array(self.draw(sim, title, lines))
 
@@ -105,6 +105,8 @@ class Painter:
         """Paint onto the painter's own surface, which holds the picture until the next one."""
         if len(lines) > N_LINES:
             raise ValueError(f"lines: expected at most {N_LINES}, got {len(lines)}")
+        if not isinstance(getattr(sim, "scene", None), Scene):
+            raise ValueError(f"sim: expected a Simulation or a state of a recording, got {sim!r}")
         x = sim.x
         self._draw_backdrop(x[sim.n_fluid :])
         units = self._draw_fluid(sim, x[: sim.n_fluid])

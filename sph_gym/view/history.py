@@ -14,9 +14,13 @@ from sph_gym.solver.state import Controls
 from sph_gym.view.marks import offender_of
 from sph_gym.view.state import Array, Shown
 
-# So many states are kept, less if they would take more than so many bytes, but at least so many.
-KEPT, ROOM, LEAST = 1000, 2**30, 300
-# So many substeps before the end are opened when something is odd.
+# Number of states that are kept.
+KEPT = 1000
+# The most bytes that they may take; of large states fewer are kept.
+ROOM = 2**30
+# Number of states that are kept in any case, however large they are.
+LEAST = 300
+# Number of the last substeps that can be stepped through when something is odd.
 SUBSTEPS = 100
 # The measures that are drawn over time: title, factor and unit of a diagnostic.
 MEASURES = {

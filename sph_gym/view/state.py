@@ -59,7 +59,7 @@ class Shown(Protocol):
 
     @property
     def neighbor_counts(self) -> Array:
-        """How many others are within the support of each fluid particle."""
+        """Number of others within the support of each fluid particle."""
 
     @property
     def warnings(self) -> Sequence[Warning]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 OVERSAMPLED = 8
 # pygame's own font is given a size that is scaled by this to get at the em.
 FONT_SCALE = 0.6875
-# So many texts are kept: most of them stand there for a whole run.
+# Number of drawn texts that are kept: most of them stand there for a whole run.
 KEPT = 2000
 GREETING = "PYGAME_HIDE_SUPPORT_PROMPT"
 

@@ -5,6 +5,7 @@ import weakref
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from sph_gym.files import atomic_write
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.view import colors
@@ -159,11 +160,6 @@ class Window:
             self._go_on()
             self._redraw()
             self._clock.tick(min(1.0 / self.source.state.scene.frame, FASTEST))
-
-    def wait_until_closed(self) -> None:
-        """Leave the last picture on the screen, if there is one; keys that change it still work."""
-        while not self.closed and self._display.is_seen:
-            self._react(load().event.wait(NAP))
 
     def close(self) -> None:
         """Close the window and release the display; more than once does no harm."""
@@ -419,7 +415,7 @@ class Window:
 
     def _hand_over(self) -> None:
         if not self._can_steer or self._history is None:
-            self._notice = "here nobody can take over the controls"
+            self._notice = "here the controls can't be handed over"
             return
         names = [YOU, *self._controllers]
         self._steered = names[(names.index(self._steered) + 1) % len(names)]
@@ -432,7 +428,8 @@ class Window:
         """Save the picture under the scene's name and time; a failure must not end the run."""
         pygame, path = load(), free_path(self._stem(), ".png")
         try:
-            pygame.image.save(self._picture(), str(path))
+            with atomic_write(path) as draft:
+                pygame.image.save(self._picture(), str(draft))
         except (OSError, pygame.error) as error:
             self._notice = f"not saved: {error}"
         else:

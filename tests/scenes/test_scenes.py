@@ -72,6 +72,8 @@ def test_unknown_names_and_arguments_are_listed():
         ("drop_impact", {"pool_depth": 0.0}),
         ("hydrostatic_tank", {"ramp": -1.0}),
         ("relaxation", {"jitter": -0.1}),
+        ("relaxation", {"jitter": 5}),
+        ("drop_sequence", {"drops": 10**6}),
         ("relaxation", {"diameter": 0.0}),
     ],
 )
@@ -79,6 +81,32 @@ def test_wrong_values_are_named(name, arguments):
     (argument,) = arguments
     with pytest.raises(ValueError, match=f"{argument}: expected"):
         scenes.make(name, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("drop_impact", {"dx": 0.1}),
+        ("drop_impact", {"dx": 0.1, "width": 0.9}),
+        ("drop_sequence", {"dx": 0.1}),
+        ("long_fall", {"dx": 0.1}),
+        ("dam_break", {"dx": 0.1, "width": 0.3}),
+        ("dam_break", {"dx": 0.2, "width": 0.6}),
+        ("sloshing", {"dx": 0.1, "fill": 0.2, "height": 0.3}),
+        ("elliptical_drop", {"dx": 0.1, "radius": 0.3}),
+    ],
+)
+def test_a_length_of_just_enough_spacings_is_taken(name, arguments):
+    assert len(scenes.make(name, **arguments).x) > 0
+
+
+def test_a_length_of_too_few_spacings_tells_the_lengths_and_the_dx_that_would_do():
+    told = r"width: expected at least 3 dx = 300 m, got 0.5 m; .* dx of at most 0.1667 m"
+    with pytest.raises(ValueError, match=told):
+        scenes.make("dam_break", dx=100)
+    scenes.make("dam_break", dx=0.1666)
+    with pytest.raises(ValueError, match=r"diameter: expected at least 3 dx = 0.3 m, got 0.29 m"):
+        scenes.make("drop_impact", dx=0.1, diameter=0.29)
 
 
 def test_a_module_is_a_scene_without_being_listed(tmp_path, monkeypatch):

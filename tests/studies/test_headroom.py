@@ -51,11 +51,11 @@ def test_headroom_is_the_ratio_of_work_within_tolerance():
 
 def test_a_loss_is_what_the_best_search_earned_more():
     losses = headroom.losses([searched(0.7, 0.8, 0.6, second=0.78), contest()])
-    assert list(losses) == [*headroom.CONTROLS, headroom.LUCK]
+    assert list(losses) == [*headroom.CONTROLS, headroom.NOISE_FLOOR]
     assert list(losses.values()) == pytest.approx([0.1, 0.0, 0.2, 0.02])
 
 
-def test_a_control_is_needed_where_more_is_lost_than_by_luck():
+def test_a_control_is_needed_where_more_is_lost_than_the_noise_floor():
     found = [searched(0.7, 0.8, 0.6, second=second) for second in (0.78, 0.8)]
     assert headroom.needed(found) == ["Courant multiple", "xsph"]
     unlucky = [searched(0.7, 0.8, 0.6, second=0.65)]

@@ -138,25 +138,6 @@ def test_a_picture_that_cannot_be_saved_does_not_end_the_run(open_window, late, 
     assert (screen() != before).any()
 
 
-def test_the_last_picture_stays_until_the_window_is_closed(open_window, late, monkeypatch):
-    window = open_window()
-    window.show(late)
-    last, waits = screen(), []
-
-    def wait(milliseconds):
-        waits.append(milliseconds)
-        np.testing.assert_array_equal(screen(), last)
-        if len(waits) == 3:
-            press(pygame.K_q)
-        return pygame.event.poll()
-
-    monkeypatch.setattr(pygame.event, "wait", wait)
-    window.wait_until_closed()
-    assert window.closed
-    assert len(waits) == 3
-    window.wait_until_closed()
-
-
 @pytest.mark.parametrize("key", [pygame.K_q, pygame.K_ESCAPE, None])
 def test_closing_releases_the_display_and_show_does_nothing_more(open_window, late, key):
     window = open_window()
@@ -209,7 +190,6 @@ def test_nothing_waits_for_a_window_that_cannot_be_seen(monkeypatch, late, drive
     with pytest.warns(UserWarning, match="no screen to open a window on, nothing can be seen"):
         window = Window(late.scene, size=480)
     window.show(late)
-    window.wait_until_closed()
     assert not window.closed
     window.close()
 

@@ -380,7 +380,7 @@ def test_a_recording_is_played_to_its_end_and_back(monkeypatch, tmp_path):
     window.play(recording, "estimated: all")
     assert [at for at, _ in seen] == [5, 3, 3, 3, 3, 3]
     assert "no accelerations" in seen[2][1]
-    assert "nobody" in seen[3][1]
+    assert "can't be handed over" in seen[3][1]
     assert "no more than what was recorded" in seen[4][1]
     assert window._painter.color == "neighbors"
 

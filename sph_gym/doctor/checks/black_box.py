@@ -61,7 +61,7 @@ def steady(lab: Lab) -> Finding:
     if growth < 3:
         return passed("squeezed pairs at rest for 30 tiny steps: growth of forces", growth, 1.0)
     return failed(
-        "squeezed pairs at rest for 30 tiny steps: forces grow although nobody moves",
+        "squeezed pairs at rest for 30 tiny steps: forces grow although no particle moves",
         "Set densities, and then accelerations, to zero before each sum: here they pile up.",
         growth,
         1.0,

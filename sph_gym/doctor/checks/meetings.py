@@ -31,7 +31,7 @@ CLOSE = 0.75
 
 
 class FreshComparison(NamedTuple):
-    """How a running solver compares with a new one that is given its positions and velocities.
+    """Comparison of a running solver with a new one of the same positions and velocities.
 
     step, now: shares by which changes of v in a usual step and in tiny steps differ, the latter
     with the densities; felt: whether particles feel anything; unlisted: pairs missing in lists.

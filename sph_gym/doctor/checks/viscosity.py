@@ -25,7 +25,7 @@ from sph_gym.doctor.registry import check
 RIGHT, TWICE, WRONG = (0.65, 1.35), (1.7, 2.4), 3.0
 # The constant of three dimensions is 1.125 / h of that of two; other kernels have up to 1.5 / h.
 OF_3D = (0.73, 2.0)
-# Damping that nobody asked for and that is no fluid's any more [c0 h].
+# Damping that the case doesn't ask for, and that is no fluid's any more [c0 h].
 JELLY = 0.3
 _NONE = "the same with case.viscosity and without: shows none"
 

@@ -130,7 +130,7 @@ def _judge_return(lab: Lab, runs: list[Throw]) -> Finding:
 
 @check("walls", needs=("thrown_alone",))
 def thrown_blocks(lab: Lab) -> Finding:
-    """Throw a block of particles at each side: nobody may end beyond it, nor with more energy."""
+    """Throw blocks of particles at each side: none may end beyond it, nor with more energy."""
     slow = throws.blocks(lab, _SLOW, _LONG)
     if not slow.finite:
         return _blocks_not_finite(lab)
@@ -258,7 +258,7 @@ def tunnelling(lab: Lab) -> Finding:
 
 @check("walls", needs=("thrown_blocks", "free_fall"))
 def standing(lab: Lab) -> Finding:
-    """Let a filled box stand under gravity: nobody may leave it, and nothing may explode."""
+    """Let a filled box stand under gravity: no particle may leave it, and nothing may explode."""
     columns, rows, g = 8, 6, 8.0
     x = lattice(columns, rows)
     # a spacing from the sides: walls whose first particles are on the side need as much

@@ -181,7 +181,7 @@ class ViscosityTwice(Plain):
 
 @fault("undivided_viscosity", "viscosity", 7)
 class UndividedViscosity(Plain):
-    """Viscosity is a force on a volume that nobody has divided by rho."""
+    """Viscosity is a force on a volume that isn't divided by rho."""
 
     def viscosity(self) -> Array:
         return super().viscosity() * self.rho[:, None]

@@ -20,7 +20,7 @@ class NegativeCells(Plain):
 
 @fault("grid_ends", "neighbours", 2)
 class GridEnds(Plain):
-    """The grid ends 64 cells from the origin, and nobody finds those who have left it."""
+    """The grid ends 64 cells from the origin, and particles that have left it aren't found."""
 
     def candidates(self, cells: Indices) -> Pairs:
         i, j = super().candidates(cells)

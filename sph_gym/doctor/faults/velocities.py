@@ -147,7 +147,7 @@ class VelocityKept(Plain):
 
 @fault("trembles", "walls")
 class Trembles(Plain):
-    """Walls turn the velocities of all that is outside, but put nobody back."""
+    """Walls turn the velocities of all that is outside, but put no particle back."""
 
     def bounce(self) -> None:
         for axis, side, outward in self.sides():

@@ -13,7 +13,7 @@ from sph_gym.doctor.reading.frames import Array
 # A path that crosses the border of the walls between two wall particles, each nearer than this
 # [spacings], went through. What slides off the end of a wall has wall particles on one side only.
 GAP = 0.9
-# So many extents of all others away, a particle is lost.
+# A particle is lost if it is this far from all others [their extent].
 FAR = 3.0
 _LEAK = (
     "Shorten the time step so that nothing crosses a wall in one; let walls clamp the position and "

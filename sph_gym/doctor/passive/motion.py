@@ -16,7 +16,8 @@ from sph_gym.doctor.reading import Frame
 STEADY = 0.2
 # Displacements may differ from time x velocity by this share.
 TOLERANCE = 0.15
-# Who moves so many spacings in all, and so many from one frame to the next, can't stay in place.
+# A particle that moves this far in all, and this far from one frame to the next, can't be one that
+# stays in place [spacings].
 SHORT, CREEP = 1.0, 0.02
 # Mach numbers above the first are no weakly compressible flow; above the second, the fluid burst.
 FAST, BURST = 0.3, 2.0
@@ -25,7 +26,7 @@ FEW, MANY = 0.01, 0.05
 
 
 class FrameStep(NamedTuple):
-    """How particles move between two frames.
+    """Motion of particles between two frames.
 
     told, shown: time [s] between the frames by the file, and by displacements over velocities;
     steady: share of the moving particles whose velocity changes little; aside: median part of the

@@ -11,7 +11,7 @@ from sph_gym.doctor.reading import Frame, Recording
 from sph_gym.doctor.reading.frames import Array
 from sph_gym.extras import needs_extra
 
-# So many pairs of neighbouring frames are looked at closely, spread over the recording.
+# Number of pairs of neighbouring frames, spread over the recording, that are looked at closely.
 PAIRS = 8
 # Columns in the order in which a step computes them, and the link that made each.
 CHAIN = {"rho": "density", "p": "pressure", "v": "force", "x": "integration"}

@@ -18,7 +18,7 @@ from sph_gym.doctor.reading.pysph import frame_of_pysph
 from sph_gym.doctor.reading.series import FRAME_SUFFIXES, read_pvd, series_in, series_of
 from sph_gym.doctor.reading.tables import read_table
 from sph_gym.extras import needs_extra
-from sph_gym.solver.checks import known
+from sph_gym.solver.checks import known, path_of
 from sph_gym.solver.scene import Scene
 
 ARCHIVES = (".npz", ".h5", ".hdf5")
@@ -34,7 +34,7 @@ def open_recording(path: str | os.PathLike[str]) -> Recording:
     Raises FileNotFoundError if there is nothing, ValueError for what isn't known, with the names
     that were found and those that were expected, and ImportError that names the extra to install.
     """
-    target = Path(path)
+    target = path_of("recording", path)
     if not target.exists():
         raise FileNotFoundError(f"recording: there is no file or folder {str(target)!r}")
     first = series_in(target)[0] if target.is_dir() else target

@@ -1,4 +1,4 @@
-"""What a recording comes to, whatever the file: frames of particles, and what is known of the flow.
+"""Recordings, whatever the file: frames of particles, and what is known of the flow.
 
 Arrays of a frame are float64 and belong to it; None stands for what the file doesn't hold.
 """
@@ -46,7 +46,7 @@ class Frame(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What a recording tells of its flow; None where it doesn't.
+    """The facts that a recording tells of its flow; None where it doesn't.
 
     scene: that of this project's own recordings; stiffness: (frames,) Tait's B [Pa] in each frame.
     """

@@ -48,7 +48,7 @@ def read_legacy_vtk(path: Path) -> dict[str, Any]:
 
 
 class _Sections:
-    """What comes after the first three lines, read from front to back."""
+    """The sections after the first three lines, read from front to back."""
 
     def __init__(self, data: bytes, binary: bool) -> None:
         self._data, self._binary, self._at = data, binary, 0

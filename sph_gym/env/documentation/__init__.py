@@ -16,6 +16,7 @@ from sph_gym.env.distributions import FAMILIES
 from sph_gym.env.documentation import values
 from sph_gym.env.documentation.markdown import table
 from sph_gym.env.selection import GROUPS, members
+from sph_gym.files import atomic_write
 from sph_gym.solver.checks import known
 
 PREFIX = "sph_gym/"
@@ -112,5 +113,6 @@ def write(folder: str | Path, chosen: Sequence[str] | None = None) -> list[Path]
     texts["README.md"] = f"# Environments\n\n{table(HEADINGS, rows)}\n"
     place.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
-        (place / name).write_text(text)
+        with atomic_write(place / name) as draft:
+            draft.write_text(text, encoding="utf-8")
     return [place / name for name in texts]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure, Reference, Run, read
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import at_least_spacings, positive
 from sph_gym.solver.geometry import channel_particles, lattice, snap
 from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
 from sph_gym.solver.simulation import Simulation
@@ -36,7 +36,7 @@ def build(
     each other lose their order after some ten heights of way; shifting keeps it.
     """
     dx, speed = positive("dx", dx), positive("speed", speed)
-    height = snap(in_range("height", height, 4 * dx), dx)
+    height = snap(at_least_spacings("height", height, 4, dx), dx)
     nu = speed * height / positive("reynolds", reynolds)
     length, h = LENGTH * dx, 2.6 * dx
     boundary = channel_particles(length, height, dx, layers=3)

@@ -3,6 +3,7 @@
 from typing import Any
 
 from sph_gym.scenes.shared.reference import Measure, Run
+from sph_gym.solver.checks import ROUNDING
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 
@@ -12,6 +13,15 @@ def box(scene: Scene) -> tuple[float, float, float, float]:
     assert scene.walls is not None
     assert scene.walls.box is not None
     return scene.walls.box
+
+
+def check_room(diameter: float, width: float, dx: float) -> None:
+    """Raise ValueError for a drop that has less than three spacings to either wall of its tank."""
+    most = width - 6 * dx
+    if not diameter <= most * (1 + ROUNDING):
+        raise ValueError(
+            f"diameter: expected at most width - 6 dx = {most:g} m, got {diameter:g} m"
+        )
 
 
 def outside(sim: Simulation) -> float:

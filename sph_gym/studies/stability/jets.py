@@ -119,9 +119,10 @@ FRAMES = 60
 
 
 class Strays(NamedTuple):
-    """How many of thirty strays get behind the first layer of three before a blow-up is reported.
+    """Strays that get behind the first layer of three before a blow-up is reported.
 
-    reported: 1 if one is, at the end of the step in which it happens, which ends the run, or 0.
+    n_passed: how many of thirty; reported: 1 if one is, at the end of the step in which it happens,
+    which ends the run, or 0.
     """
 
     n_passed: int

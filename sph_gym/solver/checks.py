@@ -75,7 +75,7 @@ def at_least_spacings(name: str, value: Any, n: float, dx: float) -> float:
 
 def finite_array(name: str, value: Any, shape: tuple[Any, ...]) -> NDArray[np.float64]:
     """Return `value` as a finite float64 array of `shape` (a letter stands for any length)."""
-    wanted = f"({', '.join(map(str, shape))})"
+    wanted = f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
     try:
         if np.iscomplexobj(value):
             raise TypeError

@@ -120,7 +120,7 @@ def test_actions_that_say_no_length_of_a_step_are_refused_before_all_else(monkey
     ("name", "value", "text"),
     [
         ("courant", 2.0, r"courant: expected a number in \[0.2, 1.25\], got 2.0"),
-        ("spread", [0.1, 0.1], r"spread: expected shape \(3\), got"),
+        ("spread", [0.1, 0.1], r"spread: expected shape \(3,\), got"),
         ("spread", [0.1, 0.1, 0.0], "spread: expected a number above 0, got"),
         ("held", 1.5, r"held: expected a number in \[0, 1\], got 1.5"),
     ],

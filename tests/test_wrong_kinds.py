@@ -32,7 +32,7 @@ def sim():
             lambda: instances.instance("dam_break", "train", "a"),
             "from 0 to 255 in 'train', got 'a'",
         ),
-        (lambda: Effects(gravity=9.81), r"effects.gravity: expected shape .2., got 9.81$"),
+        (lambda: Effects(gravity=9.81), r"effects.gravity: expected shape \(2,\), got 9.81$"),
         (lambda: Scene("s", None, 0.1, 0.3, Fluid(10.0)), r"x: expected shape .n, 2., got None$"),
         (lambda: finite_array("a", [1.0], (2,)), r"a: expected shape .*, got \(1,\)$"),
         (lambda: positive("a", np.float64(-1.0)), "a: expected a number above 0, got -1.0$"),

@@ -87,13 +87,17 @@ def launch(
 ) -> None:
     """Run a program with the arguments of the command line.
 
-    What is wrong with them, or with a file, is told in one line; the exit status is 2 then. Ctrl-C
-    ends it without a traceback, also where a program does nothing about it.
+    What is wrong with them, or with a file, is told in one line, by the name of the option; the
+    exit status is 2 then. Ctrl-C ends it without a traceback, also where a program does nothing
+    about it.
     """
     try:
         main(parse(kind, description))
     except (ValueError, ImportError, OSError) as error:
-        print(f"{program()}: {error}", file=sys.stderr)
+        name, colon, rest = str(error).partition(":")
+        if name in {part.name for part in fields(kind)}:  # type: ignore[arg-type]
+            name = f"--{name.replace('_', '-')}"
+        print(f"{program()}: {name}{colon}{rest}", file=sys.stderr)
         raise SystemExit(WRONG) from None
     except KeyboardInterrupt:
         print(f"{program()}: interrupted", file=sys.stderr)

@@ -63,6 +63,16 @@ def test_the_help_shows_every_option_with_its_default(capsys):
     assert "what it is called\n" in text
 
 
+def test_a_fault_names_the_option(monkeypatch, capsys):
+    def refuse(arguments):
+        raise ValueError("n_envs: expected a number at least 1, got 0")
+
+    monkeypatch.setattr(sys, "argv", ["agents/ppo.py", "--name", "a"])
+    with pytest.raises(SystemExit):
+        launch(refuse, Example, None)
+    assert ": --n-envs: expected a number at least 1, got 0\n" in capsys.readouterr().err
+
+
 def test_an_interruption_is_one_line(monkeypatch, capsys):
     def interrupt(arguments):
         raise KeyboardInterrupt

@@ -14,6 +14,8 @@ from sph_gym.studies.backends import Backend
 from sph_gym.studies.jobs import INTERRUPTED
 
 Arguments = TypeVar("Arguments")
+# Placeholders of values in --help.
+PLACEHOLDERS = {str: "NAME", Path: "PATH", int: "N", float: "X"}
 SCENE_HELP = (
     'scene of the environment; "benchmark": all six at once, "benchmark-long_fall": all but one'
 )
@@ -102,10 +104,6 @@ def launch(
     except KeyboardInterrupt:
         print(f"{program()}: interrupted", file=sys.stderr)
         raise SystemExit(INTERRUPTED) from None
-
-
-# What stands for a value in --help.
-PLACEHOLDERS = {str: "NAME", Path: "PATH", int: "N", float: "X"}
 
 
 def _reading(hint: Any) -> dict[str, Any]:

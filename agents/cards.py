@@ -76,7 +76,8 @@ def begin(algorithm: str, scene: str, network: Network, training: dict[str, Any]
     _write(SHIPPED / f"{name}.json", card)
     path = SHIPPED / f"{BEST}.json"
     best = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    for family in {*members(scene), scene}:
+    # a dictionary: its order, and so the file, is always the same
+    for family in dict.fromkeys((*members(scene), scene)):
         usable = best.setdefault(family, [])
         usable += [name] if name not in usable else []
     _write(path, best)

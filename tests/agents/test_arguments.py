@@ -63,35 +63,33 @@ def test_the_help_shows_every_option_with_its_default(capsys):
     assert "what it is called\n" in text
 
 
-def test_a_fault_names_the_option(monkeypatch, capsys):
-    def refuse(arguments):
-        raise ValueError("n_envs: expected a number at least 1, got 0")
+@pytest.fixture
+def ended(monkeypatch, capsys):
+    """Calls a program that raises an error; returns its exit status and what it printed."""
 
-    monkeypatch.setattr(sys, "argv", ["agents/ppo.py", "--name", "a"])
-    with pytest.raises(SystemExit):
-        launch(refuse, Example, None)
-    assert ": --n-envs: expected a number at least 1, got 0\n" in capsys.readouterr().err
+    def call(error, kind=Nothing, *words):
+        def main(arguments):
+            raise error
 
+        monkeypatch.setattr(sys, "argv", ["agents/ppo.py", *words])
+        monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "agents.ppo", *words])
+        with pytest.raises(SystemExit) as stopped:
+            launch(main, kind, None)
+        return stopped.value.code, capsys.readouterr().err
 
-def test_an_interruption_is_one_line(monkeypatch, capsys):
-    def interrupt(arguments):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(sys, "argv", ["agents/ppo.py"])
-    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "agents.ppo"])
-    with pytest.raises(SystemExit) as stopped:
-        launch(interrupt, Nothing, None)
-    assert stopped.value.code == 130
-    assert capsys.readouterr().err == "python -m agents.ppo: interrupted\n"
+    return call
 
 
-def test_a_fault_is_one_line_and_exit_status_2(monkeypatch, capsys):
-    def refuse(arguments):
-        raise ValueError("scene: expected one of these")
+def test_a_fault_is_one_line_and_exit_status_2(ended):
+    told = ended(ValueError("scene: expected one of these"))
+    assert told == (2, "python -m agents.ppo: scene: expected one of these\n")
 
-    monkeypatch.setattr(sys, "argv", ["agents/ppo.py"])
-    monkeypatch.setattr(sys, "orig_argv", ["python", "-m", "agents.ppo"])
-    with pytest.raises(SystemExit) as stopped:
-        launch(refuse, Nothing, None)
-    assert stopped.value.code == 2
-    assert capsys.readouterr().err == "python -m agents.ppo: scene: expected one of these\n"
+
+def test_a_fault_names_the_option(ended):
+    fault = ValueError("n_envs: expected a number at least 1, got 0")
+    _, text = ended(fault, Example, "--name", "a")
+    assert text == "python -m agents.ppo: --n-envs: expected a number at least 1, got 0\n"
+
+
+def test_an_interruption_is_one_line(ended):
+    assert ended(KeyboardInterrupt()) == (130, "python -m agents.ppo: interrupted\n")

@@ -13,6 +13,7 @@ from sph_gym.env import reference as references
 from sph_gym.env.contexts import Context
 from sph_gym.env.distributions import FAMILIES, SHIFTS, Drawn, draw
 from sph_gym.env.fingerprint import fingerprint
+from sph_gym.solver import target
 
 IDS = [
     f"{scene}/{split}/{number}"
@@ -83,7 +84,10 @@ def calm_and_violent(scene):
 # Machines round differently, and splashes make of it what they like: after some 15 frames of the
 # wildest flow, runs that began alike are other ones. Up to FRAMES, a reference is the same
 # everywhere, to the rounding of float32; and the rule's mean work is about the same to the end.
-FRAMES = 8
+FRAMES = 10
+# Vectors of 512 bits add in another order than those of 256 that computed the references: with them
+# this flow is another one after fewer frames.
+SOONER = {"shaken_tank/val/4": 8} if target.BITS == 512 else {}
 # Half a part, and what single precision adds, as a share of the largest value.
 ROUNDING = {name: 0.501 / (2**bits - 1) for name, bits in manifest.BITS.items()}
 ENERGY, PLACE, SUBSTEPS = 1e-4, 1e-4, 0.1  # shares of the largest energy, of dx, of the work
@@ -104,12 +108,13 @@ def test_shipped_references_are_what_their_flows_do(scene, which):
     built = instances.parse(id_).build()
     shipped = references._shipped(built, id_)
     assert shipped.cfl_substeps == pytest.approx(references._cfl_substeps(built), rel=SUBSTEPS)
-    start = replace(built, duration=FRAMES * built.frame)
+    frames = SOONER.get(id_, FRAMES)
+    start = replace(built, duration=frames * built.frame)
     found = references.run(references.truth(start))
     # to its end, since one that blows up late is forgiven nothing from the start
     own = references._own_run(built)
     if own is not None:
-        most = np.maximum(found.clumping, own.clumping[: FRAMES + 1])
+        most = np.maximum(found.clumping, own.clumping[: frames + 1])
         found = found._replace(clumping=most)
     unit = (built.fluid.c0 / 10) ** 2
     for name, tolerance in (
@@ -118,7 +123,7 @@ def test_shipped_references_are_what_their_flows_do(scene, which):
     ):  # fmt: skip
         whole, now = getattr(shipped.fine, name), getattr(found, name)
         rounded = 2 * ROUNDING[name] * np.abs(whole).max(axis=0)
-        worst = (np.abs(whole[: FRAMES + 1] - now) - rounded).max()
+        worst = (np.abs(whole[: frames + 1] - now) - rounded).max()
         assert worst <= tolerance, name
 
 

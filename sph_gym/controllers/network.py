@@ -1,4 +1,4 @@
-"""A small exported policy network that runs in plain NumPy."""
+"""A small exported policy network: plain numbers, evaluated by one compiled function."""
 
 import zlib
 from dataclasses import dataclass
@@ -10,9 +10,11 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.controllers import perceptron
 from sph_gym.files import atomic_write
 
-SQUASH = ("clip", "tanh", "none")
+ACTIVATIONS = {"tanh": perceptron.TANH, "relu": perceptron.RELU}
+SQUASH = {"clip": perceptron.CLIPPED, "tanh": perceptron.TANH, "none": perceptron.LINEAR}
 # Parts of a file that are texts.
 TEXTS = ("activation", "squash", "observation", "action")
 # Networks that come with the package.
@@ -51,25 +53,22 @@ class Network:
 
         Raises ValueError for an observation of another shape.
         """
-        x = np.asarray(observation, dtype=np.float32)
-        if x.shape != (n := self.weights[0].shape[1],):
-            raise ValueError(f"observation: expected shape ({n},), got {x.shape}")
-        last = len(self.weights) - 1
-        for k, weight in enumerate(self.weights):
-            # in place: for so few numbers, calls of numpy are what takes time
-            x = weight.dot(x)
-            x += self.biases[k]
-            if k < last:
-                np.tanh(x, out=x) if self.activation == "tanh" else np.maximum(x, 0.0, out=x)
-        if self.squash == "clip":
-            np.maximum(x, -1.0, out=x)
-            return np.minimum(x, self._ceiling, out=x)
-        return np.tanh(x, out=x) if self.squash == "tanh" else x
+        shape, n = np.shape(observation), self.weights[0].shape[1]
+        if shape != (n,):
+            raise ValueError(f"observation: expected shape ({n},), got {shape}")
+        parameters, layers, widest = self._packed
+        # of this call alone: episodes on other threads may share the network
+        values = np.empty((2, widest), np.float32)
+        values[0, :n] = observation
+        perceptron.propagate(parameters, layers, values)
+        return values[len(self.weights) % 2, : self.biases[-1].size]
 
     @cached_property
-    def _ceiling(self) -> Floats:
-        """The largest action as an array: made once, for it is needed in every call."""
-        return np.array(self.highest, np.float32)
+    def _packed(self) -> tuple[Floats, NDArray[np.int64], int]:
+        """Parameters and layers as the compiled function takes them, units of the widest layer."""
+        hidden, last = ACTIVATIONS[self.activation], SQUASH[self.squash]
+        packed = perceptron.pack(self.weights, self.biases, hidden, last, self.highest)
+        return *packed, int(packed[1][:, perceptron.UNITS].max())
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file that `load` reads; a kill leaves all of it or what was there before."""
@@ -97,7 +96,7 @@ class Network:
                 highest = tuple(data["highest"].astype(float).tolist())
         except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
             raise ValueError(f"path: {path} is no exported network ({error})") from None
-        known = squash in SQUASH and activation in ("tanh", "relu")
+        known = squash in SQUASH and activation in ACTIVATIONS
         if not (known and weights and _fit(weights, biases) and _is_bound(highest)):
             raise ValueError(f"path: {path} is no exported network")
         if not (texts.get("observation") and texts.get("action")):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sph_gym.controllers import Network
+from sph_gym.controllers.perceptron import tanh
 
 LAYOUTS = ("features v2", "absolute v2")
 
@@ -135,3 +136,57 @@ def test_what_it_returns_is_its_own():
     assert np.array_equal(first, kept)
     weights = [weight.copy() for weight in net.weights]
     assert all(map(np.array_equal, weights, network().weights))
+
+
+def twin(network, observation):
+    """The same perceptron in double precision with numpy's functions."""
+    x = observation.astype(float)
+    last = len(network.weights) - 1
+    for k, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        x = weight.astype(float) @ x + bias
+        if k < last:
+            x = np.tanh(x) if network.activation == "tanh" else np.maximum(x, 0)
+    if network.squash == "clip":
+        return np.clip(x, -1, network.highest)
+    return np.tanh(x) if network.squash == "tanh" else x
+
+
+@pytest.mark.parametrize("activation", ["tanh", "relu"])
+@pytest.mark.parametrize("squash", ["clip", "tanh", "none"])
+@pytest.mark.parametrize("sizes", [(5, 3), (5, 8, 3), (23, 64, 64, 27), (2, 70, 1, 9)])
+def test_the_compiled_layers_are_those_of_numpy(activation, squash, sizes):
+    rng = np.random.default_rng(1)
+    shapes = [(n_out, n_in) for n_in, n_out in itertools.pairwise(sizes)]
+    weights = tuple((rng.normal(size=s) / np.sqrt(s[1])).astype(np.float32) for s in shapes)
+    biases = tuple(rng.normal(size=n).astype(np.float32) for n in sizes[1:])
+    made = Network(weights, biases, activation, squash, *LAYOUTS)
+    if squash == "clip":
+        made = replace(made, highest=(0.3,) * sizes[-1])
+    for observation in rng.uniform(-1, 1, (20, sizes[0])).astype(np.float32):
+        found = made(observation)
+        assert found.dtype == np.float32
+        assert np.abs(found - twin(made, observation)).max() < 5e-6
+
+
+def test_tanh_is_that_of_the_library():
+    x = np.concatenate([np.linspace(-12, 12, 2001), [-1e30, -1e-30, 0.0, 1e-30, 1e30]])
+    found = np.array([tanh(np.float32(each)) for each in x])
+    assert np.abs(found - np.tanh(x)).max() < 6e-7
+    assert np.abs(found).max() <= 1
+    small = np.abs(x) < 1e-20
+    assert found[small] == pytest.approx(x[small], rel=1e-6)
+
+
+def test_any_array_of_the_right_shape_is_an_observation():
+    made = network()
+    wide = np.linspace(-1, 1, 10, dtype=np.float32)
+    frozen = wide[::2].copy()
+    frozen.setflags(write=False)
+    wanted = made(wide[::2])
+    for same in (frozen, frozen.astype(float), frozen.tolist()):
+        assert np.array_equal(made(same), wanted)
+    # and the answer is the caller's own
+    assert made(frozen) is not made(frozen)
+    for wrong in (wide, frozen[:4], frozen[None], 1.0):
+        with pytest.raises(ValueError, match=r"observation: expected shape \(5,\)"):
+            made(wrong)

@@ -1,4 +1,4 @@
-"""The speed of environments: many on threads against one, and the cost of Python in a step.
+"""The speed of environments: many on threads against one, cost of Python and of a policy.
 
 All play the actions of the tuned CFL rule, from the same state on, in turns.
 """
@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from sph_gym.controllers import TunedCfl
+from sph_gym.controllers import TunedCfl, shipped
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.env.vector import TuningVectorEnv
 from sph_gym.solver import stepping, teams
@@ -21,8 +21,9 @@ from sph_gym.studies.table import Row
 from sph_gym.timing import clocked, in_turns, own_clock, pinned
 
 # Bounds: env steps a second of a vector on two threads against those of one environment; the share
-# of a step that isn't compiled, in %, with some 300 and some 600 particles.
-SPEED_UP, PYTHON = 1.8, (14.0, 8.0)
+# of a step that isn't compiled, in %, with some 300 and some 600 particles; time of the policy in %
+# of a step.
+SPEED_UP, PYTHON, POLICY = 1.8, (14.0, 8.0), 1.0
 
 
 class EnvironmentPlan(NamedTuple):
@@ -97,9 +98,10 @@ class Track:
 
 def measure(plan: EnvironmentPlan, scene: str, coarse: float, fine: float) -> Iterator[Row]:
     """Yield all rows of a scene at two spacings [m]."""
-    yield from python(Track(scene, coarse, plan), plan, PYTHON[0])
-    track = Track(scene, fine, plan)
-    yield from python(track, plan, PYTHON[1])
+    for dx, bound in zip((coarse, fine), PYTHON, strict=True):
+        track = Track(scene, dx, plan)
+        yield from python(track, plan, bound)
+        yield policy(track, plan)
     yield from side_by_side(track, plan)
 
 
@@ -168,3 +170,21 @@ def python(track: Track, plan: EnvironmentPlan, bound: float) -> Iterator[Row]:
     yield Row("Python in an env step", track.case, 100 * around, "%", bound)
     yield Row("all but the time steps", track.case, 100 * all_but, "% of an env step")
     yield Row("Python in an env step", track.case, 1e6 * cost, "us")
+
+
+def policy(track: Track, plan: EnvironmentPlan) -> Row:
+    """Return the time that the network of the package takes for an action, against a step's."""
+    clock, network, shares = own_clock(), shipped(track.scene, "stable"), list[float]()
+    for _ in range(plan.rounds + 1):
+        track.env.set_state(track.home)
+        inside = 0.0
+        with pinned():
+            start = clock()
+            for action in track.actions:
+                observation, *_ = track.env.step(action)
+                began = clock()
+                network(observation)
+                inside += clock() - began
+            shares.append(inside / (clock() - start - inside))
+    share = 100 * float(np.median(shares[1:]))
+    return Row("the policy against an env step", track.case, share, "%", POLICY)

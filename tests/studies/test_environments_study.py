@@ -17,7 +17,9 @@ def test_bounds_are_those_of_both_spacings(rows):
     python = [row for row in bounded if row.quantity == "Python in an env step"]
     assert [row.bound for row in python] == [14.0, 8.0]
     assert len({row.case.split(",")[1] for row in rows}) == 2
-    others = [row for row in bounded if row not in python]
+    policy = [row for row in bounded if row.quantity == "the policy against an env step"]
+    assert [row.bound for row in policy] == [1.0, 1.0]
+    others = [row for row in bounded if row not in (*python, *policy)]
     larger = {row.case.split(",")[1] for row in (python[-1], *others)}
     assert larger == {rows[-1].case.split(",")[1]}
     assert {row.quantity for row in others} <= {"vector against one environment"}

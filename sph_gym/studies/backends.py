@@ -6,11 +6,14 @@ On all of them a job whose worker dies runs again, on another worker, and nothin
 import multiprocessing
 import os
 import signal
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from sph_gym.extras import needs_extra
@@ -20,6 +23,8 @@ from sph_gym.solver.teams import most_threads
 
 # A job that has killed so many workers is given up.
 ATTEMPTS = 3
+# How long a scheduler of Dask may take to write its file [s].
+PATIENCE = 60.0
 # Ray's store of objects [bytes]: jobs and their results are small.
 OBJECT_STORE = 80 * 2**20
 
@@ -163,13 +168,31 @@ def _dask(address: str | None, n_workers: int) -> Iterator[Submit]:
         from distributed import Client
     if address is not None:
         is_file = address.endswith(".json")
+        if is_file:
+            _wait_for(Path(address))
         options: dict[str, Any] = {"scheduler_file" if is_file else "address": address}
     else:
         # without a page of its state, and without a limit of memory that none of our jobs reaches
         options = {"n_workers": n_workers, "threads_per_worker": 1, "memory_limit": 0}
         options |= {"dashboard_address": None}
-    with Client(**options) as client, client.get_executor(pure=False) as executor:
-        yield executor.submit
+    with Client(**options) as client:
+        executor = client.get_executor(pure=False)
+        try:
+            yield executor.submit
+        finally:
+            # as a context manager it would wait for all that was submitted
+            executor.shutdown(wait=False)
+
+
+def _wait_for(file: Path) -> None:
+    """Wait until a scheduler that is being started has written its file. OSError if it doesn't."""
+    end = time.monotonic() + PATIENCE
+    if not file.exists():
+        print(f"waiting for the scheduler file {file}", file=sys.stderr, flush=True)
+    while not file.exists():
+        if time.monotonic() > end:
+            raise FileNotFoundError(f"address: expected a file that a scheduler wrote, got {file}")
+        time.sleep(0.1)
 
 
 @contextmanager

@@ -115,7 +115,8 @@ def compile_and_count(build: Build) -> Count:
     sim = Simulation(scene, threads=1)
     sim.advance(sim.controls.dt)
     # numba lists only code that it has just compiled, none from its cache
-    listings = list(stepping.advance.inspect_asm().values())
+    step: Any = stepping.advance
+    listings = list(step.inspect_asm().values())
     if not listings:
         raise ValueError("stepping.advance: nothing has been compiled")
     return count_in(listings[-1])

@@ -19,7 +19,6 @@ so must runs that are as good as the references (`sph_gym.studies.honesty`).
 
 import math
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,7 +26,6 @@ import numpy as np
 
 from sph_gym.env import SCENES, instances
 from sph_gym.env.oracle import COARSE, Oracle, Search
-from sph_gym.extras import progress, progress_bar
 from sph_gym.files import write_csv
 from sph_gym.studies import controls, episodes, honesty
 from sph_gym.studies.backends import LOCAL, Backend
@@ -57,6 +55,8 @@ GAIN, NONE = "headroom over the best static", "no headroom: both within toleranc
 PLAYERS = {"rule": "tuned CFL", "static": "best static", "oracle": "oracle"}
 # Further players, besides the oracles with a control frozen.
 ELSEWHERE, UNSMOOTHED = "oracle, looking elsewhere", "oracle, epsilon 0"
+# Player, instance, and what else decides a result: the key by which it is kept.
+Key = list[Any]
 COLUMNS = ("instance", "label", "player", *Score._fields, "within", "setting", "headroom")
 
 
@@ -143,133 +143,114 @@ def frozen(control: str) -> str:
 def measure(quick: bool, folder: Path, backend: Backend = LOCAL) -> Iterator[Row]:
     """Yield rows of every scene, with a progress bar; quick: one instance of two scenes, coarsely.
 
-    Finished runs are kept in the folder, and all scores written there, instance by instance.
+    Finished runs are kept in the folder, and all scores written there.
     Raises ImportError that names the extra to install.
     """
-    plan = QUICK if quick else FULL
-    play_ahead(plan, folder, backend)
-    found: dict[str, list[Contest]] = {}
-    with progress_bar(len(plan.scenes) * plan.n_instances, unit="instance") as bar:
-        for scene in plan.scenes:
-            bar.set_description(scene)
-            found[scene] = []
-            for number in range(plan.n_instances):
-                found[scene].append(contest(plan, scene, number, folder))
-                write_instances(found, folder / _file("headroom_quick" if quick else "headroom"))
-                bar.update()
-            yield from rows(scene, found[scene])
+    plan, store = QUICK if quick else FULL, episodes.results(folder)
+    play_all(plan, store, backend)
+    found = {
+        scene: [contest(plan, scene, number, store) for number in range(plan.n_instances)]
+        for scene in plan.scenes
+    }
+    write_instances(found, folder / _file("headroom_quick" if quick else "headroom"))
+    for scene, contests in found.items():
+        yield from rows(scene, contests)
     yield from summary(plan, found)
-    yield from _rule_rows(plan, folder)
-    yield from _control_rows(plan, folder)
+    yield from _rule_rows(plan, store)
+    tables = {
+        scene: [controls.table(_id(scene, k), plan.settings, store) for k in range(plan.held)]
+        for scene in plan.games
+    }
+    yield from controls.rows(tables, plan.settings)
     yield from honesty.measure_references(plan.games, plan.honest, folder)
 
 
-def _rule_rows(plan: HeadroomPlan, folder: Path) -> Iterator[Row]:
+def _rule_rows(plan: HeadroomPlan, store: Results) -> Iterator[Row]:
     """Yield on how many validation instances of a scene the rule keeps within tolerance."""
-    store, n = episodes.results(folder), instances.SIZES["val"]
+    n = instances.SIZES["val"]
     for scene in plan.games:
-        scores = []
-        for number in progress(range(n), f"{scene}: rule", "episode"):
-            play = partial(run, scene, _id(scene, number), tuned_cfl)
-            scores.append(Score(*store.get(["rule", _id(scene, number)], play)))
+        scores = [Score(*store.load(["rule", _id(scene, number)])) for number in range(n)]
         within = float(sum(score.within for score in scores))
         quantity = f"tuned CFL within tolerance, of {n} instances"
         yield Row(quantity, scene, within, "instances", n, at_least=True)
-        yield Row(
-            "tuned CFL, most beyond", scene, 100 * max(s.beyond for s in scores), "% of steps"
-        )
+        most = 100 * max(score.beyond for score in scores)
+        yield Row("tuned CFL, most beyond", scene, most, "% of steps")
 
 
-def _control_rows(plan: HeadroomPlan, folder: Path) -> Iterator[Row]:
-    """Yield what the controls are worth as constants."""
-    found: dict[str, list[controls.Table]] = {scene: [] for scene in plan.games}
-    games = [(scene, number) for number in range(plan.held) for scene in plan.games]
-    for scene, number in progress(games, "controls held fixed", "instance"):
-        found[scene].append(controls.play(scene, number, plan.settings, folder))
-    yield from controls.rows(found, plan.settings)
+def play_all(plan: HeadroomPlan, store: Results, backend: Backend) -> None:
+    """Play all that the rows need, side by side on a backend."""
 
+    def run_missing(keys: list[Key], title: str) -> None:
+        run_jobs(play, [(key,) for key in keys], keys, store, title, backend)
 
-def play_ahead(plan: HeadroomPlan, folder: Path, backend: Backend) -> None:
-    """Play all that `contest` and the rows need, side by side on a backend."""
-    store = episodes.results(folder)
     games = [(scene, number) for scene in plan.scenes for number in range(plan.n_instances)]
     rules = [(scene, number) for scene in plan.games for number in range(instances.SIZES["val"])]
-    keys = [key for game in games for key in _first_keys(plan, *game)]
+    keys = [key for game in games for key in _first_keys(plan, *game).values()]
     keys += [key for game in rules if (key := ["rule", _id(*game)]) not in keys]
-    run_jobs(play, [(key,) for key in keys], keys, store, "episodes", backend)
-    keys = [key for game in games for key in _frozen_keys(plan, *game, store)]
-    run_jobs(play, [(key,) for key in keys], keys, store, "controls frozen", backend)
+    run_missing(keys, "episodes")
+    keys = [key for game in games for key in _frozen_keys(plan, *game, store).values()]
+    run_missing(keys, "controls frozen")
     held = [_id(scene, number) for number in range(plan.held) for scene in plan.games]
     keys = [["controls", instance, plan.settings] for instance in held]
-    jobs = [(instance, plan.settings) for instance in held]
-    run_jobs(controls.play_settings, jobs, keys, store, "controls held fixed", backend)
+    run_missing(keys, "controls held fixed")
 
 
-def play(key: list[Any]) -> Any:
-    """Return what a player does on an instance: its score, or the best static setting with its own.
+def play(key: Key) -> Any:
+    """Return what a player does on an instance, as JSON can hold it.
 
-    key: player, instance, and what else decides it, as results are kept by it.
+    That is its score; of "static", the setting as well; of "controls", the rewards of a grid. None
+    if there is no static setting.
     """
     player, instance, *settings = key
     scene = instance.split("/")[0]
     if player == "static":
         return best_static(scene, instance, *settings)
+    if player == "controls":
+        return controls.play_settings(instance, *settings)
     if player == "rule":
         return run(scene, instance, tuned_cfl)
     search, *fixed = settings
-    return run(scene, instance, Oracle(search, dict([fixed]) if fixed else None))
+    return run(scene, instance, Oracle(search, {fixed[0]: fixed[1]} if fixed else None))
 
 
 def _is_ablated(plan: HeadroomPlan, scene: str, number: int) -> bool:
     return number < plan.ablated and scene not in instances.DIAGNOSTIC
 
 
-def _first_keys(plan: HeadroomPlan, scene: str, number: int) -> Iterator[list[Any]]:
-    """Yield the keys of what can be played at once."""
+def _first_keys(plan: HeadroomPlan, scene: str, number: int) -> dict[str, Key]:
+    """Return the keys of what can be played at once, by fields and further players of a contest."""
     instance = _id(scene, number)
-    yield ["rule", instance]
-    yield ["static", instance, plan.grid]
-    yield ["oracle", instance, plan.search]
+    keys: dict[str, Key] = {
+        "rule": ["rule", instance],
+        "static": ["static", instance, plan.grid],
+        "oracle": ["oracle", instance, plan.search],
+    }
     if _is_ablated(plan, scene, number):
-        yield ["oracle", instance, plan.second]
-        yield ["frozen", instance, plan.search, XSPH_AXIS, XSPH_OFF]
+        keys[ELSEWHERE] = ["oracle", instance, plan.second]
+        keys[UNSMOOTHED] = ["frozen", instance, plan.search, XSPH_AXIS, XSPH_OFF]
+    return keys
 
 
-def _frozen_keys(
-    plan: HeadroomPlan, scene: str, number: int, store: Results
-) -> Iterator[list[Any]]:
-    """Yield the keys of the oracles with a control frozen at its best static value."""
+def _frozen_keys(plan: HeadroomPlan, scene: str, number: int, store: Results) -> dict[str, Key]:
+    """Return the keys of the oracles with a control frozen at its best static value."""
     instance = _id(scene, number)
     best = store.load(["static", instance, plan.grid])
-    if best is not None and _is_ablated(plan, scene, number):
-        yield from (
-            ["frozen", instance, plan.search, axis, value] for axis, value in enumerate(best[0])
-        )
-
-
-def contest(plan: HeadroomPlan, scene: str, number: int, folder: Path) -> Contest:
-    """Let all players play one validation instance."""
-    instance, search = _id(scene, number), plan.search
-    store = episodes.results(folder)
-
-    def get(*key: Any) -> Any:
-        return store.get(list(key), partial(play, list(key)))
-
-    def score(player: str, *settings: Any) -> Score:
-        return Score(*get(player, instance, *settings))
-
-    best = get("static", instance, plan.grid)
-    setting, static = (None, None) if best is None else (tuple(best[0]), Score(*best[1]))
-    found = Contest(score("rule"), static, setting, score("oracle", search))
-    if setting is None or not _is_ablated(plan, scene, number):
-        return found
-    others = {
-        frozen(CONTROLS[axis]): score("frozen", search, axis, value)
-        for axis, value in enumerate(setting)
+    if best is None or not _is_ablated(plan, scene, number):
+        return {}
+    return {
+        frozen(control): ["frozen", instance, plan.search, axis, value]
+        for axis, (control, value) in enumerate(zip(CONTROLS, best[0], strict=True))
     }
-    others[ELSEWHERE] = score("oracle", plan.second)
-    others[UNSMOOTHED] = score("frozen", search, XSPH_AXIS, XSPH_OFF)
-    return found._replace(others=others)
+
+
+def contest(plan: HeadroomPlan, scene: str, number: int, store: Results) -> Contest:
+    """Return what all players did on a validation instance."""
+    keys, ablation = _first_keys(plan, scene, number), _frozen_keys(plan, scene, number, store)
+    best = store.load(keys.pop("static"))
+    scores = {name: Score(*store.load(key)) for name, key in (ablation | keys).items()}
+    rule, oracle = scores.pop("rule"), scores.pop("oracle")
+    setting, static = (None, None) if best is None else (tuple(best[0]), Score(*best[1]))
+    return Contest(rule, static, setting, oracle, scores if ablation else {})
 
 
 def write_instances(found: dict[str, list[Contest]], path: Path) -> None:

@@ -14,7 +14,7 @@ from sph_gym.recommend.runs import execute
 from sph_gym.recommend.settings import build, nominal
 from sph_gym.scenes.shared.refinement import RMS, refinement
 from sph_gym.studies import accuracy
-from sph_gym.studies.accuracy import agents, analysis, plan, points, study
+from sph_gym.studies.accuracy import analysis, plan, points, study
 from sph_gym.studies.accuracy.points import Sampling, measure_point
 from sph_gym.studies.backends import LOCAL, Backend
 from tests.studies.test_jobs import run_here
@@ -264,7 +264,7 @@ def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
     def blow_up(name, scene):
         raise RuntimeError("ppo: blew up")
 
-    monkeypatch.setattr(agents, "play", blow_up)
+    monkeypatch.setattr(points, "play", blow_up)
     found = measure_point(DROP, "controller", drop(controller="ppo"), Sampling(tmp_path, 1))
     assert not found.good
     assert found.cause == "its agent blew up"

@@ -5,7 +5,7 @@ import pytest
 
 from sph_gym.recommend.settings import nominal
 from sph_gym.scenes.shared.refinement import refinement
-from sph_gym.studies.accuracy import agents, analysis, plan
+from sph_gym.studies.accuracy import analysis, plan, points
 
 DROP = replace(refinement("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
 SMALL = plan.StudyPlan(
@@ -179,10 +179,10 @@ def test_steps_beyond_the_longest_are_never_the_best():
 
 
 def test_agents_are_where_they_can_be():
-    assert agents.available("lookahead", "dam_break")
-    assert not agents.available("lookahead", "couette")
-    assert agents.available("tuned_cfl", "couette")
-    assert not agents.available("ppo", "couette")
+    assert points.available("lookahead", "dam_break")
+    assert not points.available("lookahead", "couette")
+    assert points.available("tuned_cfl", "couette")
+    assert not points.available("ppo", "couette")
 
 
 def test_an_unknown_scene_is_answered_with_the_known_ones():

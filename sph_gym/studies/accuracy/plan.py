@@ -10,9 +10,8 @@ from sph_gym.scenes.shared.refinement import Refinement, names
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import KERNELS
 from sph_gym.solver.simulation import DTYPES
-from sph_gym.studies.accuracy.agents import available
 from sph_gym.studies.accuracy.analysis import gain_of_series
-from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.points import Point, available
 
 # The largest h / dx that is tried: 50 neighbours.
 WIDEST = 5.0

@@ -21,9 +21,10 @@ from tests.studies.test_jobs import run_here
 
 DROP = replace(refinement("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
 SMALL = plan.StudyPlan(
-    scenes=("elliptical_drop",), widths=(0.9,), steps=(1.5,), sounds=(0.5,), epsilons=(),
-    kernels=(), densities=(), dtypes=(), integrators=(), controllers=("cfl", "tuned_cfl"),
-    repeats=1,
+    scenes=("elliptical_drop",), repeats=1,
+    values={
+        "width": (0.9,), "step": (1.5,), "sound": (0.5,), "controller": ("cfl", "tuned_cfl"),
+    },
 )  # fmt: skip
 
 

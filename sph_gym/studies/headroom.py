@@ -51,8 +51,8 @@ NOISE_FLOOR = "nothing: noise floor of the search"
 XSPH_AXIS, XSPH_OFF = 2, -1.0
 # Quantities of the rows that tell a scene's headroom.
 GAIN, NONE = "headroom over the best static", "no headroom: both within tolerance nowhere"
-# Fields of a contest and their names in tables.
-PLAYERS = {"rule": "tuned CFL", "static": "best static", "oracle": "oracle"}
+# Who plays every instance.
+PLAYERS = RULE, STATIC, ORACLE = ("tuned CFL", "best static", "oracle")
 # Further players, besides the oracles with a control frozen.
 ELSEWHERE, UNSMOOTHED = "oracle, looking elsewhere", "oracle, epsilon 0"
 # Player, instance, and what else decides a result: the key by which it is kept.
@@ -92,44 +92,30 @@ QUICK = HeadroomPlan(
 
 
 class Contest(NamedTuple):
-    """One instance: the rule, the best static setting and its coordinates, and the oracle.
+    """One instance: the scores of its players by name, and the coordinates of the static setting.
 
-    static, setting: None where no static setting keeps within tolerance. others: further searches
-    by the names of their players, `frozen` of each control, ELSEWHERE and UNSMOOTHED; empty where
-    they weren't tried.
+    There is neither score nor setting where no static setting keeps within tolerance. Further
+    searches, besides PLAYERS, are `frozen` of each control, ELSEWHERE and UNSMOOTHED, where they
+    were tried.
     """
 
-    rule: Score
-    static: Score | None
-    setting: Setting | None
-    oracle: Score
-    others: Mapping[str, Score] = {}
+    scores: Mapping[str, Score]
+    setting: Setting | None = None
 
     @property
     def headroom(self) -> float:
         """Work of the static setting / work of the oracle at equal error; else not a number."""
-        if self.static is None or not self.oracle.within:
+        if STATIC not in self.scores or not self.scores[ORACLE].within:
             return math.nan
-        return self.static.substeps / self.oracle.substeps
+        return self.scores[STATIC].substeps / self.scores[ORACLE].substeps
 
-    @property
-    def static_reward(self) -> float:
-        """Mean reward of the static setting; -inf without one."""
-        return -math.inf if self.static is None else self.static.reward
+    def best_reward(self, *players: str) -> float:
+        """Return the best mean reward of some players, and of the static setting if there is one.
 
-    @property
-    def best_reward(self) -> float:
-        """The best known mean reward."""
-        searches = (self.oracle, *self.others.values())
-        return max(self.static_reward, *(score.reward for score in searches))
-
-    def scores(self) -> Iterator[tuple[str, Score, Setting | str]]:
-        """Yield every player's name, score and setting, if it has one."""
-        yield "tuned CFL", self.rule, ""
-        if self.static is not None:
-            yield "best static", self.static, self.setting or ""
-        yield "oracle", self.oracle, ""
-        yield from ((player, score, "") for player, score in self.others.items())
+        By default all but the rule: the best known.
+        """
+        chosen = (STATIC, *players) if players else self.scores.keys() - {RULE}
+        return max(score.reward for name, score in self.scores.items() if name in chosen)
 
 
 def frozen(control: str) -> str:
@@ -218,12 +204,12 @@ def _is_ablated(plan: HeadroomPlan, scene: str, number: int) -> bool:
 
 
 def _first_keys(plan: HeadroomPlan, scene: str, number: int) -> dict[str, Key]:
-    """Return the keys of what can be played at once, by fields and further players of a contest."""
+    """Return the keys of what can be played at once, by player."""
     instance = _id(scene, number)
     keys: dict[str, Key] = {
-        "rule": ["rule", instance],
-        "static": ["static", instance, plan.grid],
-        "oracle": ["oracle", instance, plan.search],
+        RULE: ["rule", instance],
+        STATIC: ["static", instance, plan.grid],
+        ORACLE: ["oracle", instance, plan.search],
     }
     if _is_ablated(plan, scene, number):
         keys[ELSEWHERE] = ["oracle", instance, plan.second]
@@ -245,12 +231,12 @@ def _frozen_keys(plan: HeadroomPlan, scene: str, number: int, store: Results) ->
 
 def contest(plan: HeadroomPlan, scene: str, number: int, store: Results) -> Contest:
     """Return what all players did on a validation instance."""
-    keys, ablation = _first_keys(plan, scene, number), _frozen_keys(plan, scene, number, store)
-    best = store.load(keys.pop("static"))
-    scores = {name: Score(*store.load(key)) for name, key in (ablation | keys).items()}
-    rule, oracle = scores.pop("rule"), scores.pop("oracle")
-    setting, static = (None, None) if best is None else (tuple(best[0]), Score(*best[1]))
-    return Contest(rule, static, setting, oracle, scores if ablation else {})
+    first, ablation = _first_keys(plan, scene, number), _frozen_keys(plan, scene, number, store)
+    players = (*PLAYERS, *ablation, *((ELSEWHERE, UNSMOOTHED) if ablation else ()))
+    found = {player: store.load((first | ablation)[player]) for player in players}
+    setting, found[STATIC] = found[STATIC] or (None, None)
+    scores = {player: Score(*each) for player, each in found.items() if each is not None}
+    return Contest(scores, setting and tuple(setting))
 
 
 def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
@@ -259,7 +245,8 @@ def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
     for scene, contests in found.items():
         for number, one in enumerate(contests):
             gain = one.headroom if math.isfinite(one.headroom) else ""
-            for player, score, setting in one.scores():
+            for player, score in one.scores.items():
+                setting = one.setting if player == STATIC else ""
                 about = (_id(scene, number), label(scene, contests), player)
                 table.append([*about, *score, score.within, setting, gain])
     write_csv(path, COLUMNS, table)
@@ -311,8 +298,8 @@ def label(scene: str, contests: list[Contest]) -> str:
 def rows(scene: str, contests: list[Contest]) -> Iterator[Row]:
     """Yield work, rewards and errors of a scene, means over instances, and its headroom."""
     case, of_all = f"{scene}, {label(scene, contests)}", f"of {len(contests)} instances"
-    for name, title in PLAYERS.items():
-        runs = [one for one in (getattr(each, name) for each in contests) if one is not None]
+    for title in PLAYERS:
+        runs = [one.scores[title] for one in contests if title in one.scores]
         if runs:
             yield from _means(title, case, runs)
         within = float(sum(one.within for one in runs))
@@ -320,8 +307,8 @@ def rows(scene: str, contests: list[Contest]) -> Iterator[Row]:
     yield from _headrooms(scene, contests, case, of_all)
     for name, loss in losses(contests).items():
         yield Row(f"reward lost without {name}", case, loss, "")
-    tried = [one for one in contests if UNSMOOTHED in one.others]
-    off = [one.best_reward - one.others[UNSMOOTHED].reward for one in tried]
+    tried = [one for one in contests if UNSMOOTHED in one.scores]
+    off = [one.best_reward() - one.scores[UNSMOOTHED].reward for one in tried]
     if off:
         yield Row("reward lost with an epsilon of 0", case, float(np.mean(off)), "")
 
@@ -374,10 +361,11 @@ def losses(contests: list[Contest]) -> dict[str, float]:
     players = {**{name: frozen(name) for name in CONTROLS}, NOISE_FLOOR: ELSEWHERE}
     lost = {}
     for name, player in players.items():
-        tried = [one for one in contests if player in one.others]
-        rewards = [max(one.others[player].reward, one.static_reward) for one in tried]
+        tried = [one for one in contests if player in one.scores]
         if tried:
-            lost[name] = float(np.mean([one.best_reward for one in tried] - np.array(rewards)))
+            lost[name] = float(
+                np.mean([one.best_reward() - one.best_reward(player) for one in tried])
+            )
     return lost
 
 

@@ -79,10 +79,7 @@ KERNELS: dict[str, Kernel] = {
         Kernel("spiky", _polynomial(10, 3, 1), _polynomial(30, 2, 1), 1.5),
         Kernel("Wendland C2", _polynomial(7, 4, 1, 4), _polynomial(140, 3, 0, 1), 1.5),
         Kernel(
-            "Wendland C4",
-            _polynomial(9, 6, 1, 6, 35 / 3),
-            _polynomial(168, 5, 0, 1, 5),
-            495 / 288,
+            "Wendland C4", _polynomial(9, 6, 1, 6, 35 / 3), _polynomial(168, 5, 0, 1, 5), 495 / 288
         ),
         Kernel(
             "Wendland C6",
@@ -91,10 +88,7 @@ KERNELS: dict[str, Kernel] = {
             1365 * 7 / (64 * 78),
         ),
         Kernel(
-            "cubic spline",
-            _spline(80 / 7, 3, _M4, 1, -4),
-            _spline(240 / 7, 2, _M4, 1, -4),
-            1.4,
+            "cubic spline", _spline(80 / 7, 3, _M4, 1, -4), _spline(240 / 7, 2, _M4, 1, -4), 1.4
         ),
         Kernel(
             "quartic spline",
@@ -138,11 +132,7 @@ class Match(NamedTuple):
 
 
 def match(
-    q: Array,
-    values: Array,
-    which: str,
-    alike: float = ALIKE,
-    names: Collection[str] = (),
+    q: Array, values: Array, which: str, alike: float = ALIKE, names: Collection[str] = ()
 ) -> Match:
     """Return the kernel whose `which`, "weight" or "slope", is proportional to measured values.
 

@@ -98,12 +98,7 @@ FAULTS = (
         "Use the unit vector (x_i - x_j) / r.",
         times_r=True,
     ),
-    PairFault(
-        "pressure",
-        "B without gamma",
-        "B is rho0 c0^2 / gamma.",
-        stiffness=GAMMA,
-    ),
+    PairFault("pressure", "B without gamma", "B is rho0 c0^2 / gamma.", stiffness=GAMMA),
     PairFault(
         "pressure",
         "linear gas law",
@@ -129,10 +124,7 @@ FAULTS = (
         for stiffness in (1.0, gamma / GAMMA)
     ),
     PairFault(
-        "pressure",
-        "pressures below zero",
-        "Cut pressures off at zero: p = max(0, p).",
-        clamp=False,
+        "pressure", "pressures below zero", "Cut pressures off at zero: p = max(0, p).", clamp=False
     ),
     PairFault(
         "pressure",

@@ -59,11 +59,7 @@ class SolverUnderTest:
     """
 
     def __init__(
-        self,
-        factory: Factory,
-        case: Case,
-        deadline: float = float("inf"),
-        broken_clock: str = "",
+        self, factory: Factory, case: Case, deadline: float = float("inf"), broken_clock: str = ""
     ) -> None:
         self.case, self._deadline, self._broken_clock = case, deadline, broken_clock
         self.n_steps = 0

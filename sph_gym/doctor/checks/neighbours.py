@@ -91,12 +91,7 @@ def _distances(x: Array) -> Array:
 
 
 def _missing(
-    lab: Lab,
-    where: str,
-    start: Case,
-    r: Array,
-    near: NDArray[np.bool_],
-    missing: NDArray[np.bool_],
+    lab: Lab, where: str, start: Case, r: Array, near: NDArray[np.bool_], missing: NDArray[np.bool_]
 ) -> Finding:
     i, j = np.argwhere(missing)[0]
     text = (

@@ -168,12 +168,7 @@ def same_when_shifted(lab: Lab) -> Finding:
 
 
 def _shifted(
-    lab: Lab,
-    start: Case,
-    moved: Case,
-    here: Response,
-    there: Response,
-    shift: tuple[float, float],
+    lab: Lab, start: Case, moved: Case, here: Response, there: Response, shift: tuple[float, float]
 ) -> Finding:
     differs = _unlike(there, here, start) if there.finite else np.nan
     again = respond(lab, start, start.x.mean(axis=0))

@@ -7,14 +7,7 @@ import numpy as np
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, TAIT, Array, Case, H, case, lattice
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
-from sph_gym.doctor.probes import (
-    STILL,
-    Seen,
-    fields,
-    fluid,
-    pairs_case,
-    tolerant,
-)
+from sph_gym.doctor.probes import STILL, Seen, fields, fluid, pairs_case, tolerant
 from sph_gym.doctor.registry import check
 
 _TAIT = (

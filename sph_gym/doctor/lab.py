@@ -47,11 +47,6 @@ class Lab:
         self.rng = np.random.default_rng([self._seed, zlib.crc32(check.encode())])
         self._deadline = time.monotonic() + seconds
 
-    @property
-    def precision(self) -> float:
-        """Return the relative error that rounding alone may cause in a sum over neighbours."""
-        return 1e-3 if self.float32 else 1e-8
-
     def make(self, case: Case) -> SolverUnderTest:
         """Return a new solver for the case; its steps raise Waits if the clock is broken."""
         started = time.monotonic()

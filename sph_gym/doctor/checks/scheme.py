@@ -1,13 +1,111 @@
 """Which time integration does the solver use, and does it gain energy by it?"""
 
+from dataclasses import dataclass, field, replace
+
 import numpy as np
 
-from sph_gym.doctor import schemes
 from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checks.integration import LONG, MOVE, duration, factor
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
+
+# The first steps are left out: some solvers start with a step of another kind.
+_FIRST, _LAST = 2, 5
+
+
+@dataclass
+class ShortRun:
+    """A run of a few steps: x, v (steps + 1, n, 2) before each and after the last."""
+
+    lab: Lab
+    start: Case
+    dt: float
+    x: Array
+    v: Array
+    _known: dict[str, Array] = field(default_factory=dict)
+
+    def a(self, k: int) -> Array:
+        """Return the accelerations (n, 2) at the state k, by a new solver."""
+        return self.apart(f"{k}", self.x[k], self.v[k])
+
+    def apart(self, name: str, x: Array, v: Array) -> Array:
+        """Return the accelerations (n, 2) at any state, by a new solver; name: for keeping them."""
+        if name not in self._known:
+            self._known[name] = self.lab.acceleration(replace(self.start, x=x, v=v))
+        return self._known[name]
+
+    def ahead(self, k: int, part: float) -> Array:
+        """Return the accelerations where v_k alone would have led after a part of the step."""
+        x = self.x[k] + part * self.dt * self.v[k]
+        return self.apart(f"{k}+{part}", x, self.v[k])
+
+
+def follow(lab: Lab, start: Case, dt: float) -> ShortRun:
+    """Return the track of a new solver; its steps are those that the models look at."""
+    subject = lab.make(start)
+    x, v = [subject.x], [subject.v]
+    for _ in range(_LAST + 1):
+        subject.step(dt)
+        x.append(subject.x)
+        v.append(subject.v)
+    return ShortRun(lab, start, dt, np.stack(x), np.stack(v))
+
+
+# What the change of v in step k may be made of: the cheap ones first.
+KICKS = {
+    "a(k)": lambda t, k: t.a(k),
+    "a(k+1)": lambda t, k: t.a(k + 1),
+    "a(k-1)": lambda t, k: t.a(k - 1),
+    "mean of a(k) and a(k+1)": lambda t, k: (t.a(k) + t.a(k + 1)) / 2,
+    "mean of a(k-1) and a(k)": lambda t, k: (t.a(k - 1) + t.a(k)) / 2,
+    "a half a step ahead": lambda t, k: t.ahead(k, 0.5),
+    "mean of a(k) and a a step ahead": lambda t, k: (t.a(k) + t.ahead(k, 1.0)) / 2,
+}
+DRIFTS = {
+    "v(k)": lambda t, k: t.v[k],
+    "v(k+1)": lambda t, k: t.v[k + 1],
+    "mean of v(k) and v(k+1)": lambda t, k: (t.v[k] + t.v[k + 1]) / 2,
+}
+# A model holds when it leaves less than this of what the accelerations change in a step.
+HOLDS = 0.1
+
+
+def best_kick(track: ShortRun) -> tuple[str, float]:
+    """Return the model of v(k+1) - v(k) that leaves least, and what it leaves (`HOLDS`)."""
+    unit = _size([track.a(k + 1) - track.a(k) for k in range(_FIRST, _LAST)])
+    best = ("", np.inf)
+    for name, model in KICKS.items():
+        left = [
+            (track.v[k + 1] - track.v[k]) / track.dt - model(track, k) for k in range(_FIRST, _LAST)
+        ]
+        score = _size(left) / max(unit, 1e-300)
+        if score < best[1]:
+            best = (name, score)
+        if score < HOLDS:
+            break
+    return best
+
+
+def best_drift(track: ShortRun) -> tuple[str, float]:
+    """Return the model of x(k+1) - x(k) that leaves least, in changes of v a step."""
+    unit = _size([track.v[k + 1] - track.v[k] for k in range(_FIRST, _LAST)])
+    scores = {
+        name: _size(
+            [
+                (track.x[k + 1] - track.x[k]) / track.dt - model(track, k)
+                for k in range(_FIRST, _LAST)
+            ]
+        )
+        / max(unit, 1e-300)
+        for name, model in DRIFTS.items()
+    }
+    name = min(scores, key=lambda each: scores[each])
+    return name, scores[name]
+
+
+def _size(values: list[Array]) -> float:
+    return float(np.sqrt(sum((each**2).sum() for each in values)))
 
 
 def squeezed(lab: Lab, spacing: float = 0.92, speed: float = 0.0) -> Case:
@@ -80,7 +178,7 @@ def _judge_factors(candidates: list[Factors], long: Factors, short: Factors) -> 
     )  # fmt: skip
 
 
-# A model that a broken scheme follows leaves rounding alone; see `schemes.HOLDS` for the unit.
+# A model that a broken scheme follows leaves rounding alone; see `HOLDS` for the unit.
 _EXACT = 0.03
 
 
@@ -92,11 +190,11 @@ def scheme(lab: Lab) -> Finding:
     if found is None:
         return inconclusive("the cloud is not finite, which other checks judge")
     kick, drift = found
-    if kick[1] > schemes.HOLDS:
+    if kick[1] > HOLDS:
         return inconclusive(
             "the steps of a lively cloud fit no known scheme: densities with a memory "
             "(continuity), sub-steps or smoothed velocities hide it",
-            f"{kick[1]:.2g} left", f"< {schemes.HOLDS:g}", tolerance="of its change in a step",
+            f"{kick[1]:.2g} left", f"< {HOLDS:g}", tolerance="of its change in a step",
         )  # fmt: skip
     name = _known(*found)
     text = f"v changes by {kick[0]} dt" + (f", x by {drift[0]} dt" if drift[1] < _EXACT else "")
@@ -126,10 +224,10 @@ _BROKEN = {
 def _identify(
     lab: Lab, start: Case, share: float
 ) -> tuple[tuple[str, float], tuple[str, float]] | None:
-    track = schemes.follow(lab, start, duration(start, share))
+    track = follow(lab, start, duration(start, share))
     if not (np.isfinite(track.x).all() and np.isfinite(track.v).all()):
         return None
-    return schemes.best_kick(track), schemes.best_drift(track)
+    return best_kick(track), best_drift(track)
 
 
 def _known(kick: tuple[str, float], drift: tuple[str, float]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.laws import FITS, law
+from sph_gym.doctor.passive.pressure import FITS, law
 from sph_gym.doctor.passive.survey import RecordingSurvey, distances, nearest
 from sph_gym.doctor.reading import Frame
 from sph_gym.doctor.reading.frames import Array

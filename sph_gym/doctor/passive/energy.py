@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.laws import sound_speed
+from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading.frames import Array
 from sph_gym.solver.scene import Scene

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.identity import interval
-from sph_gym.doctor.passive.laws import sound_speed
+from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
 

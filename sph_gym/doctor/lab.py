@@ -2,7 +2,9 @@
 
 import time
 import zlib
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -12,6 +14,23 @@ from sph_gym.doctor.subject import Factory, SolverUnderTest
 # A step so short that nothing moves: this share of the time that sound takes across the support.
 TINY = 1e-4
 OPTIONAL = ("rho", "p", "a", "evaluate", "neighbors", "c0", "stiffness")
+
+
+Subject = TypeVar("Subject")
+Measurement = TypeVar("Measurement")
+
+
+def once(measure: Callable[[Subject], Measurement]) -> Callable[[Subject], Measurement]:
+    """Let a function be called once for each lab, or survey: the outcome stays in its `facts`."""
+    name = f"{measure.__module__}.{measure.__name__}"
+
+    @wraps(measure)
+    def kept(subject: Any) -> Measurement:
+        if name not in subject.facts:
+            subject.facts[name] = measure(subject)
+        return subject.facts[name]
+
+    return kept
 
 
 class Fields(NamedTuple):
@@ -59,13 +78,16 @@ class Lab:
         """Return a new solver after so many steps."""
         return self.make(case).step(dt, n_steps)
 
-    def fields(self, case: Case) -> Fields:
-        """Return densities, pressures and accelerations of a new solver at the case's positions."""
+    def evaluated(self, case: Case) -> SolverUnderTest:
+        """Return a new solver that has computed all that it shows for the case's positions."""
         subject = self.make(case)
         if "evaluate" in self.shown:
-            subject.evaluate()
-        else:
-            subject.step(TINY * case.h / case.c0)
+            return subject.evaluate()
+        return subject.step(TINY * case.h / case.c0)
+
+    def fields(self, case: Case) -> Fields:
+        """Return densities, pressures and accelerations of a new solver at the case's positions."""
+        subject = self.evaluated(case)
         values = [subject.get(name) if name in self.shown else None for name in ("rho", "p", "a")]
         return Fields(*values)
 

@@ -5,6 +5,7 @@ their authors write in smoothing lengths, are told in the same way.
 """
 
 from collections.abc import Callable, Collection
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -153,6 +154,7 @@ def match(
     return best if best.error <= alike else best._replace(name="")
 
 
+@lru_cache
 def lattice_sum(weight: Callable[[Array], Any], ratio: float) -> float:
     """Return the sum of W h^2 over the square lattice of spacing dx = h / ratio.
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, interior, lattice
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import Match, MeasuredWeights, integral, lattice_sum, match
 from sph_gym.doctor.probes import (
@@ -55,14 +55,12 @@ def by_continuity(lab: Lab) -> Finding:
 
 def _falling(slopes: Array, pushes: bool) -> Finding:
     """Return that densities fall where they should rise; pushes: whether pairs part even so."""
+    # thinned particles that push: the slope in the force has the wrong sign, too
     return failed(
-        # thinned particles that push: the slope in the force has the wrong sign, too
         "pairs that approach each other: their densities fall" + _UPSIDE_DOWN * pushes,
         "d rho_i/dt = sum m_j (v_i - v_j) . grad_i W_ij: check the order of i and j, and the sign "
         "of grad W, which points to the neighbour.",
-        float(slopes.min()),
-        "above 0",
-        unit="kg/m^3 per h",
+        Measured(float(slopes.min()), "above 0", unit="kg/m^3 per h"),
         link="force" if pushes else "density",
     )
 
@@ -75,16 +73,14 @@ def _reach(q: Array, slopes: Array) -> Finding | None:
         return failed(
             "pairs further apart than case.h change each other's density",
             SUPPORT_RADIUS,
-            f"to r = {q[far].max():.2f} h",
-            "not beyond h",
+            Measured(f"to r = {q[far].max():.2f} h", "not beyond h"),
         )
     near = (q > 0.65) & (q < 0.76)
     if near.any() and np.abs(slopes[near]).max() < 1e-4 * size:
         return failed(
             "pairs nearer than case.h don't change each other's density",
             SUPPORT_RADIUS,
-            f"none from r = {q[near].min():.2f} h on",
-            "up to h",
+            Measured(f"none from r = {q[near].min():.2f} h on", "up to h"),
         )
     return None
 
@@ -99,17 +95,15 @@ def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Finding:
     name = found.name or "of no known name"
     if 0.8 < share < 1.25:
         return passed(
-            f"densities by continuity; the kernel is {name}", share, 1.0, unit="of -rho div v"
+            f"densities by continuity; the kernel is {name}",
+            Measured(share, 1.0, unit="of -rho div v"),
         )
     if not found.kernel:
-        return inconclusive("densities by continuity, kernel unknown", share, 1.0)
+        return inconclusive("densities by continuity, kernel unknown", Measured(share, 1.0))
     return failed(
         f"pairs that approach each other: d rho/dt = -rho div v is off ({name} kernel)",
         factor_remedy(share, H, found),
-        share,
-        1.0,
-        unit="of -rho div v",
-        tolerance="20 %",
+        Measured(share, 1.0, unit="of -rho div v", tolerance="20 %"),
     )
 
 
@@ -121,9 +115,7 @@ def _deaf(lab: Lab, own: float) -> Finding:
     return failed(
         "pairs at 28 distances, at rest and approaching: each has the density of a lone particle",
         EVERY_PAIR if lost else _RENEW,
-        own,
-        "more than that of a lone particle",
-        unit="kg/m^3",
+        Measured(own, "more than that of a lone particle", unit="kg/m^3"),
         link="neighbours" if lost else "density",
     )
 
@@ -140,8 +132,9 @@ def uneven(q: Array, one_sided: Array, between: Array, noise: float) -> Finding:
     return failed(
         f"pairs at {len(DISTANCES)} distances, in two places and directions each: {what}",
         EVERY_PAIR,
-        f"{int(bad.sum())} of {len(q)} pairs, from r = {q[bad].min():.2f} h on",
-        "0 pairs",
+        Measured(
+            f"{int(bad.sum())} of {len(q)} pairs, from r = {q[bad].min():.2f} h on", "0 pairs"
+        ),
         link="neighbours",
     )
 
@@ -190,13 +183,11 @@ def isolated(lab: Lab) -> Finding:
         return passed("three particles far apart stay finite for 10 steps")
     lowest, unit = float(subject.get("rho").min()), "kg/m^3"
     if lowest > 0:
-        return passed("three particles far apart", lowest, "above 0", unit=unit)
+        return passed("three particles far apart", Measured(lowest, "above 0", unit=unit))
     return failed(
         "three particles far apart: a particle without neighbours has no density",
         _SELF,
-        lowest,
-        "m W(0), about 0.14 to 0.4 rho0",
-        unit=unit,
+        Measured(lowest, "m W(0), about 0.14 to 0.4 rho0", unit=unit),
     )
 
 
@@ -217,8 +208,7 @@ def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> 
         f"three particles far apart: {name} is not finite after {n_steps} steps"
         + (", though accelerations are" if moved else ""),
         _STEP if moved else _SELF,
-        "not finite",
-        "finite",
+        Measured("not finite", "finite"),
         link=link,
     )
 
@@ -251,7 +241,7 @@ def kernel(lab: Lab) -> Finding:
         return finding
     lab.facts["weight"], lab.facts["kernel"] = weights, weights.found.name
     name = weights.found.name or "of no known name"
-    return passed(f"pairs at {half} distances: the kernel is {name}", name, "a kernel")
+    return passed(f"pairs at {half} distances: the kernel is {name}", Measured(name, "a kernel"))
 
 
 def _reacting(lab: Lab, ratio: float) -> Pairs | None:
@@ -270,16 +260,14 @@ def _ends(weights: MeasuredWeights) -> Finding | None:
         return failed(
             "a pair further apart than case.h still has more than the density of one particle",
             SUPPORT_RADIUS,
-            f"W > 0 at r = {q[beyond].max():.2f} h",
-            "W = 0 beyond h",
+            Measured(f"W > 0 at r = {q[beyond].max():.2f} h", "W = 0 beyond h"),
         )
     inside = (q < 0.76) & (np.abs(values) > 1e-5 * size)
     if not inside[(q > 0.7) & (q < 0.76)].any():
         return failed(
             "a pair nearer than case.h has no more than the density of one particle",
             SUPPORT_RADIUS,
-            f"W = 0 from r = {q[inside].max(initial=0.0):.2f} h on",
-            "W > 0 up to h",
+            Measured(f"W = 0 from r = {q[inside].max(initial=0.0):.2f} h on", "W > 0 up to h"),
         )
     return None
 
@@ -295,9 +283,7 @@ def _own_share(weights: MeasuredWeights) -> Finding | None:
         return failed(
             "a close pair has less density than a lone particle",
             "The kernel must be positive and fall with r; check its sign and the order of h and r.",
-            near,
-            "above 0",
-            unit="kg/m^3",
+            Measured(near, "above 0", unit="kg/m^3"),
         )
     share = weights.own / high
     if 0.95 * low <= weights.own <= 1.05 * high:
@@ -308,10 +294,7 @@ def _own_share(weights: MeasuredWeights) -> Finding | None:
         ("Each pair is counted twice, but not the particle itself. " + EVERY_PAIR)
         if twice
         else _SELF,
-        share,
-        1.0,
-        unit="of m W(0)",
-        tolerance="5 %",
+        Measured(share, 1.0, unit="of m W(0)", tolerance="5 %"),
         link="neighbours" if twice else "density",
     )
 
@@ -336,17 +319,16 @@ def density_follows(lab: Lab) -> Finding:
     now = [lab.density(case(places_)) for places_ in (before, subject.x)]
     error = min(np.abs(rho - each).max() for each in now) / np.abs(now[1]).max()
     moved = np.abs(now[0] - first).max() / np.abs(now[1]).max()
+    numbers = Measured(error, 0.0)
     if moved < 0.02 or error < 0.25 * moved:
-        return passed("four pairs approach: densities follow", error, 0.0)
+        return passed("four pairs approach: densities follow", numbers)
     if np.abs(rho - first).max() < 0.05 * np.abs(now[0] - first).max():
         return failed(
             "four pairs approach for 10 steps: densities stay what they were at the start",
             "Renew densities in every step, before pressures and forces.",
-            float(rho.mean()),
-            float(now[1].mean()),
-            unit="kg/m^3",
+            Measured(float(rho.mean()), float(now[1].mean()), unit="kg/m^3"),
         )
-    return inconclusive("densities of moving pairs are not those of their positions", error, 0.0)
+    return inconclusive("densities of moving pairs are not those of their positions", numbers)
 
 
 @check("density", step=4, needs=("isolated",), shows=("rho",))
@@ -358,25 +340,24 @@ def interior_density(lab: Lab) -> Finding:
         return failed(
             "lattice of 11 x 11 at rest: the density inside is not the sum of what pairs add",
             EVERY_PAIR + " A limit on the number of neighbours has the same effect.",
-            share,
-            explained,
-            unit="rho0",
-            tolerance="2 %",
+            Measured(share, explained, unit="rho0", tolerance="2 %"),
             link="neighbours",
         )
     weights = lab.facts.get("weight")
     found = weights.found if weights else Match("", 0.0, np.inf)
     right = abs(share - 1) <= 0.15 or _as_it_must(found, share)
-    numbers = {"unit": "rho0", "tolerance": "15 %"}
+    numbers = Measured(share, 1.0, unit="rho0", tolerance="15 %")
     if right:
-        return passed("lattice of 11 x 11 at rest", share, 1.0, **numbers)
+        return passed("lattice of 11 x 11 at rest", numbers)
     if weights and not found.kernel and abs(weights.mass / (RHO0 * DX**2) - 1) < 0.05:
-        return inconclusive("lattice of 11 x 11; mass and kernel's integral right", share, 1.0)
+        return inconclusive(
+            "lattice of 11 x 11; mass and kernel's integral right", Measured(share, 1.0)
+        )
     small, _ = _inside(lab, H / 2)
     if 0.8 < small < 1.25:
-        return inconclusive("lattice of 11 x 11 at rest; right at half of h", share, 1.0, **numbers)
+        return inconclusive("lattice of 11 x 11 at rest; right at half of h", numbers)
     remedy = factor_remedy(share, H, found, small)
-    return failed("lattice of 11 x 11 at rest: the density inside", remedy, share, 1.0, **numbers)
+    return failed("lattice of 11 x 11 at rest: the density inside", remedy, numbers)
 
 
 def _inside(lab: Lab, h: float) -> tuple[float, float | None]:
@@ -430,15 +411,12 @@ def density_in_flow(lab: Lab) -> Finding:
     share = float(np.median(rise[inside]) / expected)
     told = f"a block of 9 x 9 becomes {1 - narrower:.1%} narrower by its own motion"
     if share > 0.3:
-        return passed(f"{told}: its density rises", share, 1.0, unit="of -rho div v")
+        return passed(f"{told}: its density rises", Measured(share, 1.0, unit="of -rho div v"))
     if share > -0.3:
-        return inconclusive(f"{told}: its density hardly changes", share, 1.0)
+        return inconclusive(f"{told}: its density hardly changes", Measured(share, 1.0))
     return failed(
         f"{told}: its density falls",
         "The rate of the density has the wrong sign: d rho_i/dt = sum m_j (v_i - v_j) . grad_i "
         "W_ij is positive where particles approach.",
-        share,
-        1.0,
-        unit="of -rho div v",
-        tolerance="above 0.3",
+        Measured(share, 1.0, unit="of -rho div v", tolerance="above 0.3"),
     )

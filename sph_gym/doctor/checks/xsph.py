@@ -4,11 +4,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.viscosity import middle_first
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
 
 EPSILON = 0.5
@@ -60,16 +61,19 @@ def share(velocity: Array, start: Case) -> float:
     With random velocities, the mean of the neighbours is about 0, and XSPH takes a share of
     epsilon times the weight of all neighbours: 0.6 to 0.9 epsilon.
     """
-    inside = np.abs(start.x).max(axis=1) < 2.5 * DX
+    inside = _inside(start)
     v = start.v[inside]
     return float(-(velocity[inside] * v).sum() / (v * v).sum())
 
 
+def _inside(start: Case) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(start.x).max(axis=1) < 2.5 * DX)
+
+
+@once
 def random_motion(lab: Lab) -> Case:
-    """Return a lattice of 9 x 9 at rest spacing with random velocities; once a diagnosis."""
-    if "xsph_motion" not in lab.facts:
-        lab.facts["xsph_motion"] = SPEED * lab.rng.uniform(-1, 1, (81, 2))
-    return case(lattice(9, 9), lab.facts["xsph_motion"], c0=SOFT)
+    """Return a lattice of 9 x 9 at rest spacing with random velocities."""
+    return case(lattice(9, 9), SPEED * lab.rng.uniform(-1, 1, (81, 2)), c0=SOFT)
 
 
 def uniform_motion() -> Case:
@@ -77,30 +81,19 @@ def uniform_motion() -> Case:
     return case(lattice(9, 9), SPEED * np.array([1.0, -0.7]), c0=SOFT)
 
 
-def one_in_motion() -> Case:
-    """Return a lattice of 9 x 9 at rest except for the particle in its middle.
-
-    See `middle_first`.
-    """
-    return case(*middle_first(SPEED), h=2 * DX, c0=SOFT)
-
-
+@once
 def smooths(lab: Lab) -> float:
-    """Return the share that XSPH of EPSILON takes from random velocities; once a diagnosis."""
-    if "xsph_share" not in lab.facts:
-        start = random_motion(lab)
-        lab.facts["xsph_share"] = share(added(lab, start), start)
-    return float(lab.facts["xsph_share"])
+    """Return the share that XSPH of EPSILON takes from random velocities."""
+    start = random_motion(lab)
+    return share(added(lab, start), start)
 
 
+@once
 def carried(lab: Lab) -> float:
     """Return what share of a uniform velocity moves particles, without XSPH; 1 if all is well."""
-    if "xsph_carried" not in lab.facts:
-        start = uniform_motion()
-        u = start.v[0]
-        moved = drift(lab, start, 0.0).moved.mean(axis=0)
-        lab.facts["xsph_carried"] = float(moved @ u / (u @ u))
-    return float(lab.facts["xsph_carried"])
+    start = uniform_motion()
+    u = start.v[0]
+    return float(drift(lab, start, 0.0).moved.mean(axis=0) @ u / (u @ u))
 
 
 def disturbed(lab: Lab) -> str:
@@ -109,8 +102,7 @@ def disturbed(lab: Lab) -> str:
         return f"particles move by {carried(lab):.3g} of their velocities: integration"
     start = random_motion(lab)
     before, after = drift(lab, start, 0.0).v
-    inside = np.abs(start.x).max(axis=1) < 2.5 * DX
-    if not np.abs(after - before)[inside].max() < CALM * np.abs(start.v).max():
+    if not np.abs(after - before)[_inside(start)].max() < CALM * np.abs(start.v).max():
         return "a lattice at rest spacing doesn't keep calm: density, pressure or force"
     return ""
 
@@ -132,19 +124,15 @@ def xsph_off(lab: Lab) -> Finding:
     lost = share(unasked.moved - unasked.mean, start)
     if not np.isfinite(lost):
         return inconclusive("a lattice in motion: positions are not finite")
-    tolerance = "0.05 of the velocities"
+    numbers = Measured(lost, 0.0, tolerance="0.05 of the velocities")
     if lost > 0.05:
         return failed(
             "a lattice of 81 with random velocities, epsilon = 0: particles move by "
             f"{100 * lost:.2g} % less than by their velocities: smoothed",
             "Take epsilon from case.xsph; 0 switches XSPH off.",
-            lost,
-            0.0,
-            tolerance=tolerance,
+            numbers,
         )
-    return passed(
-        "with epsilon = 0, particles move by their velocities", lost, 0.0, tolerance=tolerance
-    )
+    return passed("with epsilon = 0, particles move by their velocities", numbers)
 
 
 def _useless(lab: Lab) -> Finding | None:
@@ -162,22 +150,19 @@ def xsph_smooths(lab: Lab) -> Finding:
     if useless := _useless(lab):
         return useless
     taken = smooths(lab) / EPSILON
-    numbers = (taken, 0.75)
-    tolerance = f"{NORMAL[0]} to {NORMAL[1]}"
     text = f"a lattice of 81 with random velocities: XSPH takes {taken:.3g} epsilon of them away"
+    numbers = Measured(taken, 0.75, unit="epsilon", tolerance=f"{NORMAL[0]} to {NORMAL[1]}")
     if taken < 0:
         return failed(
             f"{text}: it moves particles away from what their neighbours do",
             f"Turn the sign. {_FORMULA}, v_j - v_i and not v_i - v_j.",
-            *numbers,
-            unit="epsilon",
-            tolerance=tolerance,
+            numbers,
         )
     if taken > IMPOSSIBLE:
         return _too_much(lab, taken, text)
     if not NORMAL[0] < taken < NORMAL[1]:
-        return inconclusive(text, *numbers, unit="epsilon", tolerance=tolerance)
-    return passed(text, *numbers, unit="epsilon", tolerance=tolerance)
+        return inconclusive(text, numbers)
+    return passed(text, numbers)
 
 
 def _too_much(lab: Lab, taken: float, text: str) -> Finding:
@@ -189,10 +174,7 @@ def _too_much(lab: Lab, taken: float, text: str) -> Finding:
     return failed(
         f"{text}, more than all",
         f"{cause}{_FORMULA}.",
-        taken,
-        0.75,
-        unit="epsilon",
-        tolerance=f"{NORMAL[0]} to {NORMAL[1]}",
+        Measured(taken, 0.75, unit="epsilon", tolerance=f"{NORMAL[0]} to {NORMAL[1]}"),
     )
 
 
@@ -204,17 +186,16 @@ def xsph_epsilon(lab: Lab) -> Finding:
     full = smooths(lab)
     start = random_motion(lab)
     ratio = share(added(lab, start, EPSILON / 2), start) / full
-    numbers = (ratio, 0.5)
+    numbers = Measured(ratio, 0.5, tolerance="0.1")
     if abs(ratio - 1) < 0.1:
         return failed(
             f"XSPH does as much with epsilon = {EPSILON / 2} as with {EPSILON}",
             "Take epsilon from case.xsph, not a constant.",
-            *numbers,
-            tolerance="0.1",
+            numbers,
         )
     if not abs(ratio - 0.5) < 0.1:
-        return inconclusive("XSPH is not proportional to epsilon", *numbers, tolerance="0.1")
-    return passed("half of epsilon does half as much", *numbers, tolerance="0.1")
+        return inconclusive("XSPH is not proportional to epsilon", numbers)
+    return passed("half of epsilon does half as much", numbers)
 
 
 @check("xsph", step=7, needs=("xsph_smooths",))
@@ -227,17 +208,15 @@ def xsph_relative(lab: Lab) -> Finding:
     left = more / (EPSILON * float(np.hypot(*start.v[0])))
     if not np.isfinite(left):
         return inconclusive("a lattice in motion: positions are not finite")
-    tolerance = "0.05 of epsilon times the velocity"
+    numbers = Measured(left, 0.0, tolerance="0.05 of epsilon times the velocity")
     if left > 0.05:
         return failed(
             "a lattice of 81 with one velocity: XSPH changes displacements by "
             f"{left:.3g} epsilon times the velocity",
             f"Sum differences of velocities. {_FORMULA}.",
-            left,
-            0.0,
-            tolerance=tolerance,
+            numbers,
         )
-    return passed("one velocity for all stays as it is", left, 0.0, tolerance=tolerance)
+    return passed("one velocity for all stays as it is", numbers)
 
 
 @check("xsph", step=7, needs=("xsph_smooths", "xsph_relative"))
@@ -245,22 +224,20 @@ def xsph_momentum(lab: Lab) -> Finding:
     """Move one particle in a lattice: what XSPH takes from it, its neighbours must get."""
     if useless := _useless(lab):
         return useless
-    more = added_by_motion(lab, one_in_motion())
+    more = added_by_motion(lab, case(*middle_first(SPEED), h=2 * DX, c0=SOFT))
     left = float(np.hypot(*more.sum(axis=0))) / max(float(np.hypot(*more[0])), 1e-300)
-    tolerance = "0.3 of what the one loses"
-    numbers = (left, 0.0)
+    numbers = Measured(left, 0.0, tolerance="0.3 of what the one loses")
     if left > 0.3:
         return failed(
             "one particle moves in a lattice of 81 at rest: what XSPH adds to all doesn't add up "
             f"to 0, but to {100 * left:.2g} % of what the one loses",
             "What j does to i, i must do to j: give both of a pair their share, divided by "
             "(rho_i + rho_j) / 2.",
-            *numbers,
-            tolerance=tolerance,
+            numbers,
         )
     if not left < 0.1:
-        return inconclusive("XSPH does not quite keep the momentum", *numbers, tolerance=tolerance)
-    return passed("XSPH keeps the momentum", *numbers, tolerance=tolerance)
+        return inconclusive("XSPH does not quite keep the momentum", numbers)
+    return passed("XSPH keeps the momentum", numbers)
 
 
 @check("xsph", step=7, needs=("xsph_smooths",))
@@ -271,19 +248,17 @@ def xsph_moves_only(lab: Lab) -> Finding:
     start = random_motion(lab)
     with_it, without = drift(lab, start, EPSILON).v, drift(lab, start, 0.0).v
     early, late = (share(one - other, start) for one, other in zip(with_it, without, strict=True))
-    numbers = (late, 0.0)
-    tolerance = "0.1 of the velocities"
     if not np.isfinite(late):
         return inconclusive("a lattice in motion: velocities are not finite")
+    numbers = Measured(late, 0.0, tolerance="0.1 of the velocities")
     if abs(late) > 0.1 and abs(late) > 1.2 * abs(early):
         return failed(
             f"a lattice of 81 with random velocities: in 6 short steps, XSPH takes "
             f"{100 * late:.2g} % from the velocities themselves",
             "XSPH is for moving particles only: keep the smoothed velocity apart from v, which "
             "accelerations alone change.",
-            *numbers,
-            tolerance=tolerance,
+            numbers,
         )
     if abs(late) > 0.1:
-        return inconclusive("v may be the smoothed velocity", *numbers, tolerance=tolerance)
-    return passed("XSPH leaves velocities alone", *numbers, tolerance=tolerance)
+        return inconclusive("v may be the smoothed velocity", numbers)
+    return passed("XSPH leaves velocities alone", numbers)

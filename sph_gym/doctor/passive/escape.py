@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
 from sph_gym.doctor.reading.frames import Array
@@ -34,15 +34,12 @@ def escape(survey: RecordingSurvey) -> Finding:
         found = _beyond(survey, walls.box)
         if found is not None:
             return found
-    if survey.walls is not None and not survey.walls_move and _followed(survey):
+    followed = survey.change is None and not survey.reordered
+    if survey.walls is not None and not survey.walls_move and followed:
         found = _through(survey, survey.walls)
         if found is not None:
             return found
     return _far(survey)
-
-
-def _followed(survey: RecordingSurvey) -> bool:
-    return survey.change is None and not survey.reordered
 
 
 def _beyond(survey: RecordingSurvey, box: tuple[float, float, float, float]) -> Finding | None:
@@ -56,10 +53,9 @@ def _beyond(survey: RecordingSurvey, box: tuple[float, float, float, float]) -> 
                 f"spacing outside the box; particle {survey.name(frame, i)} is at "
                 f"({frame.x[i, 0]:.4g}, {frame.x[i, 1]:.4g}) m",
                 _LEAK,
-                float(depth[i]) / survey.spacing,
-                0.0,
-                unit="spacings outside",
-                tolerance="1",
+                Measured(
+                    float(depth[i]) / survey.spacing, 0.0, unit="spacings outside", tolerance="1"
+                ),
             )
     return None
 
@@ -89,9 +85,12 @@ def _leak(
 ) -> Finding | None:
     i, points, axes = _crossing(a, b, *ends)
     leaks = np.array(
-        [_is_between(p, axis, walls, GAP * survey.spacing)
-         for p, axis in zip(points, axes, strict=True)], bool
-    )  # fmt: skip
+        [
+            _is_between(p, axis, walls, GAP * survey.spacing)
+            for p, axis in zip(points, axes, strict=True)
+        ],
+        bool,
+    )
     if not leaks.any():
         return None
     first = int(np.argmax(leaks))
@@ -100,9 +99,7 @@ def _leak(
         f"rectangle around fluid and walls; particle {survey.name(a, int(i[first]))} does so "
         f"between wall particles, at ({points[first, 0]:.4g}, {points[first, 1]:.4g}) m",
         _LEAK,
-        int(leaks.sum()),
-        0,
-        unit="particles",
+        Measured(int(leaks.sum()), 0, unit="particles"),
     )
 
 
@@ -137,12 +134,11 @@ def _far(survey: RecordingSurvey) -> Finding:
         away = np.abs(frame.x - middle).max(axis=1) / size
         if away.max() > worst:
             worst, where, n = float(away.max()), k, int((away > FAR).sum())
+    numbers = Measured(worst, FAR, unit="extents of the fluid")
     if worst > FAR:
         return inconclusive(
             f"in {survey.when(where)}, {n} particles are more than {FAR:g} times as far from the "
             "middle as nine tenths of the fluid; without known walls this may be spray",
-            worst,
-            FAR,
-            unit="extents of the fluid",
+            numbers,
         )
-    return passed("all particles stay together", worst, FAR, unit="extents of the fluid")
+    return passed("all particles stay together", numbers)

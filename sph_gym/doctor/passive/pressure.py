@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.lab import once
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading.frames import Array
 
@@ -86,17 +87,14 @@ def _misfit(ratio: Array, p: Array, gamma: float) -> float:
     return float(np.sqrt((rest**2).mean()) / np.std(p))
 
 
+@once
 def law(survey: RecordingSurvey) -> TaitFit | None:
     """Return the law of the recording's pressures, None if it can't be told."""
-    if "law" not in survey.facts:
-        pairs = [(f.rho, f.p) for f in survey.samples if f.rho is not None and f.p is not None]
-        survey.facts["law"] = None
-        if pairs:
-            rho, p = (np.concatenate(column) for column in zip(*pairs, strict=True))
-            survey.facts["law"] = fit(rho, p)
-    found = survey.facts["law"]
-    assert found is None or isinstance(found, TaitFit)
-    return found
+    pairs = [(f.rho, f.p) for f in survey.samples if f.rho is not None and f.p is not None]
+    if not pairs:
+        return None
+    rho, p = (np.concatenate(column) for column in zip(*pairs, strict=True))
+    return fit(rho, p)
 
 
 def sound_speed(survey: RecordingSurvey) -> float:
@@ -132,19 +130,19 @@ def equation_of_state(survey: RecordingSurvey) -> Finding:
             "the larger the density, the smaller the pressure: compression pulls instead of "
             "pushing back",
             "p = B ((rho / rho0)^gamma - 1): look at the sign, and at which density divides which.",
-            found.tie,
-            1.0,
-            unit="correlation of density and pressure",
-            tolerance=f"above -{FALLING:g}",
+            Measured(
+                found.tie,
+                1.0,
+                unit="correlation of density and pressure",
+                tolerance=f"above -{FALLING:g}",
+            ),
         )
     if found.misfit > FITS:
         return inconclusive(
             f"pressure is no function of density: the best of Tait's equations leaves "
             f"{100 * found.misfit:.0f} % of it. Solvers of incompressible flow, gases, several "
             "fluids, and pressures that belong to another step's densities look like that",
-            found.misfit,
-            0.0,
-            unit="share of the pressures' spread",
+            Measured(found.misfit, 0.0, unit="share of the pressures' spread"),
         )
     return _exponent(found)
 
@@ -153,29 +151,29 @@ def _exponent(found: TaitFit) -> Finding:
     """Return what is said of a law that fits."""
     # densities that hardly differ obey many an exponent
     vague = found.high - found.low > VAGUE
-    numbers = (f"{found.low:.3g} to {found.high:.3g}" if vague else found.gamma, 7.0)
     told = (
         f"gamma = {found.gamma:.3g} ({found.low:.3g} to {found.high:.3g}), "
         f"B = {found.stiffness:.4g} Pa, rho0 = {found.rho0:.5g} kg/m^3, "
         f"c0 = {found.sound_speed:.4g} m/s"
     )
+    numbers = Measured(
+        f"{found.low:.3g} to {found.high:.3g}" if vague else found.gamma, 7.0, unit="gamma"
+    )
     if not found.rho0 > 0:
         return inconclusive(
             f"pressures never vanish: p = K rho^{found.gamma:.3g}, the law of a gas. For a liquid, "
             "take p = B ((rho / rho0)^7 - 1)",
-            *numbers,
-            unit="gamma",
+            numbers,
         )
     if found.low <= 7 <= found.high:
-        return passed(f"Tait's equation: {told}", *numbers, unit="gamma")
+        return passed(f"Tait's equation: {told}", numbers)
     if found.low <= 1 <= found.high:
         return inconclusive(
             f"the law is linear: {told}. It is a common one, but hardly resists strong "
             "compression; if the fluid looks like a gas, take gamma = 7",
-            *numbers,
-            unit="gamma",
+            numbers,
         )
-    return inconclusive(f"an unusual exponent: {told}", *numbers, unit="gamma")
+    return inconclusive(f"an unusual exponent: {told}", numbers)
 
 
 def _against_scene(survey: RecordingSurvey, found: TaitFit | None) -> Finding:
@@ -193,9 +191,9 @@ def _against_scene(survey: RecordingSurvey, found: TaitFit | None) -> Finding:
         size = max(size, float(np.sqrt((expected**2).mean())))
     # where all are clamped, rounding is compared with what a compression by 1 % would be
     size = max(size, 0.01 * scene.fluid.gamma * float(stiffness.max()))
+    numbers = Measured(off / size, 0.0, unit="share of the pressures", tolerance=f"{EXACT:g}")
     if off < EXACT * size:
-        return passed("pressures follow the scene's equation of state", off / size, 0.0,
-                      unit="share of the pressures", tolerance=f"{EXACT:g}")  # fmt: skip
+        return passed("pressures follow the scene's equation of state", numbers)
     best = "" if found is None else f"gamma = {found.gamma:.3g} with B = {found.stiffness:.4g} Pa"
     return failed(
         f"pressures are not those of the scene's Tait equation (gamma = {scene.fluid.gamma:g}, B = "
@@ -203,8 +201,5 @@ def _against_scene(survey: RecordingSurvey, found: TaitFit | None) -> Finding:
         f"{best or 'no such law'}",
         "p = B ((rho / rho0)^gamma - 1) with B = rho0 c0^2 / gamma, at the densities of the same "
         "step, cut off at zero if the scene says so.",
-        off / size,
-        0.0,
-        unit="share of the pressures",
-        tolerance=f"{EXACT:g}",
+        numbers,
     )

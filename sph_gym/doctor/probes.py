@@ -119,23 +119,17 @@ def _look(subject: SolverUnderTest, lab: Lab, still: float) -> tuple[Seen, Array
         return Seen(rho, p, a), a
     if "evaluate" in lab.shown:
         subject.step(still)
-    return Seen(rho, p, change(subject, still, 2)), change(subject, 2 * still)
+    return Seen(rho, p, subject.change(still, 2)), subject.change(2 * still)
 
 
 def _shown(subject: SolverUnderTest, lab: Lab, name: str) -> Array:
     return subject.get(name) if name in lab.shown else np.full(subject.case.n, np.nan)
 
 
-def change(subject: SolverUnderTest, dt: float, n_steps: int = 1) -> Array:
-    """Return dv/dt (n, 2) [m/s^2] over the next steps of dt seconds."""
-    before = subject.v
-    return (subject.step(dt, n_steps).v - before) / (n_steps * dt)
-
-
 def passing(subject: SolverUnderTest, lab: Lab, dt: float) -> Seen:
     """Return rho, p and a as they were at the last evaluation of a solver in motion."""
     rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
-    a = subject.get("a") if "a" in lab.shown else change(subject, dt)
+    a = subject.get("a") if "a" in lab.shown else subject.change(dt)
     return Seen(rho, p, a)
 
 

@@ -85,6 +85,11 @@ class SolverUnderTest:
             self.n_steps += 1
         return self
 
+    def change(self, dt: float, n: int = 1) -> Array:
+        """Return dv/dt (n, 2) [m/s^2] over the next n steps of dt seconds each."""
+        before = self.v
+        return (self.step(dt, n).v - before) / (n * dt)
+
     @property
     def x(self) -> Array:
         """Return the positions (n, 2) [m]."""

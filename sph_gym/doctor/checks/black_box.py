@@ -20,7 +20,6 @@ from sph_gym.doctor.pair_law import (
 from sph_gym.doctor.probes import (
     DISTANCES,
     STILL,
-    change,
     closing,
     fields,
     fluid,
@@ -236,7 +235,7 @@ def push_in_time(lab: Lab) -> Finding:
     # twice: what lags behind is in time when particles have stood still for two steps
     pushes = [
         ((a - rubbed)[:6] * along).sum(axis=1) * H / C0**2
-        for a in (change(subject, still), change(subject, still, 2), change(subject, still))
+        for a in (subject.change(still), subject.change(still, 2), subject.change(still))
     ]
     # a scheme may evaluate in the middle of a step
     places = (history[-1], history[0], history[-2], (history[-1] + history[-2]) / 2)

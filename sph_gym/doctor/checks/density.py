@@ -236,8 +236,7 @@ def kernel(lab: Lab) -> Finding:
     weights = MeasuredWeights(
         fluid(H, ratio), DISTANCES, here, own, match(DISTANCES, here, "weight")
     )
-    finding = _ends(weights) or _own_share(weights)
-    if finding:
+    if finding := _ends(weights) or _own_share(weights):
         return finding
     lab.facts["weight"], lab.facts["kernel"] = weights, weights.found.name
     name = weights.found.name or "of no known name"

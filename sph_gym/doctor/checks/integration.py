@@ -59,8 +59,7 @@ def flight(lab: Lab) -> Finding:
         x1, v1, x2, v2 = _course(lab, start, dt, _STEPS)
         if not all(np.isfinite(each).all() for each in (x1, v1, x2, v2)):
             return inconclusive("lone particles are not finite, which the checks of density judge")
-        wrong = _changed(v, v2, (_STEPS + 1) * dt)
-        if wrong:
+        if wrong := _changed(v, v2, (_STEPS + 1) * dt):
             return wrong
         kept.append(factor(v2, v))
         moved.append(factor(x2 - x1, (v1 + v2) / 2 * _STEPS * dt))
@@ -68,8 +67,7 @@ def flight(lab: Lab) -> Finding:
         return _decay(kept)
     if max(abs(each - 1) for each in moved) > 2 * _LONE:
         return _drift(moved)
-    divided = _divided(lab, start)
-    if divided:
+    if divided := _divided(lab, start):
         return divided
     return passed(
         f"nine lone particles in {_STEPS} steps at two dt: displacement over v t, and v kept "
@@ -207,8 +205,7 @@ _FALL_ERROR = 0.03
 def free_fall(lab: Lab) -> Finding:
     """Let lone particles and a block fall along x, along y and askew: dv/dt must be g."""
     for gravity in _FALLS:
-        wrong = _fall(lab, gravity)
-        if wrong:
+        if wrong := _fall(lab, gravity):
             return wrong
     return _falling_block(lab)
 

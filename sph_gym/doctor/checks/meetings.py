@@ -104,7 +104,7 @@ def _meeting(gap: float) -> Case:
 def _look(lab: Lab, start: Case, n_steps: int) -> FreshComparison:
     """Return how a solver after so many steps compares with a new one; NaN if it can't be told."""
     dt = STEP * start.h / start.c0
-    subject = lab.run(start, dt, n_steps)
+    subject = lab.make(start).step(dt, n_steps)
     missing = _unlisted(subject, dt) if "neighbors" in lab.shown else 0
     before = case(subject.x, subject.v)
     if not _finite(before):
@@ -174,7 +174,7 @@ def _passing_through(lab: Lab) -> Finding:
 def _slowed(lab: Lab, gap: float, steps: int) -> tuple[float, float]:
     """Return the share of the speed of approach that two groups lose, and how one changes [m]."""
     start = _meeting(gap)
-    subject = lab.run(start, STEP * start.h / start.c0, steps)
+    subject = lab.make(start).step(STEP * start.h / start.c0, steps)
     before, after = (x[:9] - x[:9].mean(axis=0) for x in (start.x, subject.x))
     lost = 1 - _approach(subject.v) / _approach(start.v)
     changed = float(np.abs(after - before).max())

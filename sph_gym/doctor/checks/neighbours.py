@@ -183,10 +183,10 @@ def _missing(
     numbers = (int(missing.sum()), 0)
     found = near & ~missing
     reach = float(r[found].max() / start.h) if found.any() else 0.0
-    if found.any() and reach < 0.95 and r[missing].min() > (reach - 1e-6) * start.h:
-        finding = _short(lab, reach, f"{text}; no pair beyond {reach:.2f} h is")
-        if finding:
-            return finding
+    is_short = found.any() and reach < 0.95 and r[missing].min() > (reach - 1e-6) * start.h
+    told = f"{text}; no pair beyond {reach:.2f} h is"
+    if is_short and (finding := _short(lab, reach, told)):
+        return finding
     return failed(
         text,
         BRUTE_FORCE + "Cells must be at least as wide as the support, all nine cells around a "

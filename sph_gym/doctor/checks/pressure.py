@@ -10,7 +10,6 @@ from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.probes import (
     STILL,
     Seen,
-    change,
     fields,
     fluid,
     friction,
@@ -220,10 +219,8 @@ def pressure_in_time(lab: Lab) -> Finding:
     """Let pairs collide: does each pressure belong to the density of the same evaluation?"""
     if lab.facts.get("density") != "summation":
         return skipped("densities are no sums over positions")
-    if "evaluate" in lab.shown:
-        found = _evaluated_twice(lab)
-        if found:
-            return found
+    if "evaluate" in lab.shown and (found := _evaluated_twice(lab)):
+        return found
     return _after_motion(lab)
 
 
@@ -263,7 +260,7 @@ def _after_motion(lab: Lab) -> Finding:
     x, v = subject.x, subject.v
     rubbed = friction(lab, x, v, **settings)
     # what lags behind is in time when particles have stood still for two steps
-    a, _, settled = (change(subject, still, n) - rubbed for n in (1, 2, 1))
+    a, _, settled = (subject.change(still, n) - rubbed for n in (1, 2, 1))
     # a scheme may evaluate in the middle of a step
     places = (x, before, (x + before) / 2)
     return _in_time(a, settled, *(fields(lab, case(where, **settings)) for where in places))

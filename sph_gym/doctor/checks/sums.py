@@ -32,8 +32,7 @@ def pair_sums(lab: Lab) -> Finding:
             "held at rho0 from below"
         )
     for judge in (_one_sided, _twice, _cut_off, _crowded):
-        finding = judge(weights)
-        if finding:
+        if finding := judge(weights):
             return finding
     share = weights.rho / weights.predicted(weights.x)
     return passed(

@@ -369,7 +369,7 @@ def _left_of_a_wave(lab: Lab) -> float:
     for shape in (wave, np.ones(81)):
         v = SLOW * C0 * np.stack([shape, np.zeros(81)], axis=1)
         start = case(x, v)
-        after = lab.run(start, start.dt, 5).v
+        after = lab.make(start).step(start.dt, 5).v
         inside = np.abs(x).max(axis=1) < 2.5 * DX
         left.append((after * v)[inside].sum() / (v * v)[inside].sum())
     return float(left[0] / left[1]) if left[1] > 0.05 else np.nan

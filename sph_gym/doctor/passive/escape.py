@@ -30,15 +30,12 @@ def escape(survey: RecordingSurvey) -> Finding:
     walls = None if scene is None else scene.walls
     if walls is not None and (walls.is_periodic or walls.motion is not None):
         return inconclusive("walls that move and periodic sides are not judged")
-    if walls is not None and walls.box is not None:
-        found = _beyond(survey, walls.box)
-        if found is not None:
-            return found
-    followed = survey.change is None and not survey.reordered
-    if survey.walls is not None and not survey.walls_move and followed:
-        found = _through(survey, survey.walls)
-        if found is not None:
-            return found
+    box = None if walls is None else walls.box
+    if box is not None and (found := _beyond(survey, box)):
+        return found
+    followed = survey.change is None and not survey.reordered and not survey.walls_move
+    if followed and survey.walls is not None and (found := _through(survey, survey.walls)):
+        return found
     return _far(survey)
 
 
@@ -73,8 +70,7 @@ def _through(survey: RecordingSurvey, walls: Array) -> Finding | None:
         a = survey.fluid(k)
         for m in range(k + 1, last + 1):
             b = survey.fluid(m)
-            found = _leak(survey, a, b, (low, high), walls)
-            if found is not None:
+            if (found := _leak(survey, a, b, (low, high), walls)) is not None:
                 return found
             a = b
     return None

@@ -4,7 +4,7 @@ import time
 import zlib
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -31,17 +31,6 @@ def once(measure: Callable[[Subject], Measurement]) -> Callable[[Subject], Measu
         return subject.facts[name]
 
     return kept
-
-
-class Fields(NamedTuple):
-    """Results of one evaluation of a solver; None for what it doesn't show.
-
-    rho: (n,) [kg/m^3]; p: (n,) [Pa]; a: (n, 2) [m/s^2].
-    """
-
-    rho: Array | None
-    p: Array | None
-    a: Array | None
 
 
 class Lab:
@@ -81,28 +70,16 @@ class Lab:
             return subject.evaluate()
         return subject.step(TINY * case.h / case.c0)
 
-    def fields(self, case: Case) -> Fields:
-        """Return densities, pressures and accelerations of a new solver at the case's positions."""
-        subject = self.evaluated(case)
-        values = [subject.get(name) if name in self.shown else None for name in ("rho", "p", "a")]
-        return Fields(*values)
-
     def density(self, case: Case) -> Array:
         """Return the densities (n,) [kg/m^3] at the case's positions; the solver must show rho."""
-        rho = self.fields(case).rho
-        assert rho is not None
-        return rho
+        return self.evaluated(case).get("rho")
 
     def acceleration(self, case: Case) -> Array:
         """Return the accelerations (n, 2) [m/s^2] at the case's positions and velocities.
 
         Taken from `a` if the solver shows it, else from the change of v.
         """
-        if "a" in self.shown:
-            a = self.fields(case).a
-            assert a is not None
-            return a
-        return self.change_of_velocity(case)
+        return self.evaluated(case).get("a") if "a" in self.shown else self.change_of_velocity(case)
 
     def change_of_velocity(self, case: Case) -> Array:
         """Return dv/dt (n, 2) [m/s^2] over two tiny steps, after a first one.

@@ -61,14 +61,6 @@ def _gaussian(cut: float, slope: bool) -> Shape:
     return shape
 
 
-def _poly6(q: Array) -> Array:
-    return 4 / np.pi * np.maximum(1 - q**2, 0.0) ** 3
-
-
-def _poly6_slope(q: Array) -> Array:
-    return 24 / np.pi * q * np.maximum(1 - q**2, 0.0) ** 2
-
-
 _M4, _M5, _M6 = (1.0, 0.5), (1.0, 0.6, 0.2), (1.0, 2 / 3, 1 / 3)
 _QUARTIC = 96 * 2.5**6 / 1199
 _QUINTIC = 7 * 3.0**7 / 478
@@ -76,7 +68,13 @@ _QUINTIC = 7 * 3.0**7 / 478
 KERNELS: dict[str, Kernel] = {
     kernel.name: kernel
     for kernel in (
-        Kernel("poly6", _poly6, _poly6_slope, 315 / 256, pairing=True),
+        Kernel(
+            "poly6",
+            lambda q: 4 / np.pi * np.maximum(1 - q**2, 0.0) ** 3,
+            lambda q: 24 / np.pi * q * np.maximum(1 - q**2, 0.0) ** 2,
+            315 / 256,
+            pairing=True,
+        ),
         Kernel("spiky", _polynomial(10, 3, 1), _polynomial(30, 2, 1), 1.5),
         Kernel("Wendland C2", _polynomial(7, 4, 1, 4), _polynomial(140, 3, 0, 1), 1.5),
         Kernel(

@@ -163,10 +163,10 @@ def _arrays(path: Path) -> dict[str, Any]:
                 raise ValueError(f"{path}: expected arrays of numbers: {error}") from None
     with needs_extra("studies"):
         import h5py
+    names = _names(path)
     with h5py.File(path, "r", swmr=True) as file:
-        names: list[str] = []
-        file.visit(names.append)
-        return {name: file[name][()] for name in names if isinstance(file[name], h5py.Dataset)}
+        found = {name: file[name] for name in names}
+        return {name: each[()] for name, each in found.items() if isinstance(each, h5py.Dataset)}
 
 
 def _slice(arrays: dict[str, Any], k: int, n_frames: int, time: float, place: str) -> Frame:

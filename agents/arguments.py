@@ -99,6 +99,9 @@ def launch(
         name, colon, rest = str(error).partition(":")
         if name in {part.name for part in fields(kind)}:  # type: ignore[arg-type]
             name = f"--{name.replace('_', '-')}"
+        elif name == "path":
+            # an argument of the package; the file that it was given follows
+            name, colon, rest = "", "", rest.strip()
         print(f"{program()}: {name}{colon}{rest}", file=sys.stderr)
         raise SystemExit(WRONG) from None
     except KeyboardInterrupt:

@@ -86,7 +86,7 @@ def specs(args: ComparisonArgs) -> list[Spec]:
         known("networks", name, [agent for agent in args.agents if agent in LEARNED])
         Network.load(path)
     chosen, missing = list[Spec](), list[str]()
-    for name in args.agents:
+    for name in dict.fromkeys(args.agents):
         if name in STATIC:
             chosen.append(_search(args, name))
         elif name in LEARNED:

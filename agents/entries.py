@@ -96,10 +96,17 @@ def learner(name: str, networks: Sequence[str], trained_on: Sequence[str]) -> Ag
         )
         for family in GAMES
     }
-    for path in {spec.network for each in specs.values() for spec in each}:
-        if not Path(str(path)).is_file():
+    paths = {Path(str(spec.network)) for each in specs.values() for spec in each}
+    for path in paths:
+        if not path.is_file():
             raise ValueError(f"networks: there is no file {path}")
-    return Agent(name, specs, tuple(trained_on))
+    found = Agent(name, specs, tuple(trained_on))
+    if len(found.networks) < len(paths):
+        raise ValueError(
+            "networks: expected files that differ in their names or those of their folders, by "
+            f"which they are listed, got {', '.join(sorted(map(str, paths)))}"
+        )
+    return found
 
 
 class LeaderboardEntry(NamedTuple):

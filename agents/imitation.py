@@ -56,7 +56,7 @@ class ImitationArgs(BackendArgs):
     @property
     def folder(self) -> Path:
         """Folder of everything that the imitation writes."""
-        return self.output / f"imitation_{self.scene}_seed{self.seed}"
+        return self.output / f"imitation_{self.teacher}_{self.scene}_seed{self.seed}"
 
     @cached_property
     def settings(self) -> dict[str, Any]:

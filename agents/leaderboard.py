@@ -15,7 +15,7 @@ from agents import board, cards, entries, scores, zero_shot
 from agents.arguments import BackendArgs, launch, option
 from agents.entries import GAMES, Agent, LeaderboardEntry
 from agents.evaluate import Job, instance_ids, run_episodes
-from agents.policies import build
+from agents.policies import NAMES, build
 from sph_gym.env.distributions import FAMILIES
 from sph_gym.env.instances import SIZES, SPACING
 from sph_gym.env.instances import parse as parse_instance
@@ -71,7 +71,8 @@ def agents_of(args: LeaderboardArgs) -> list[Agent]:
     elif args.networks:
         raise ValueError("networks: expected none without --learner")
     else:
-        found = [entries.rule(name, args.table) for name in args.agents]
+        names = [known("agents", name, NAMES) for name in args.agents]
+        found = [entries.rule(name, args.table) for name in dict.fromkeys(names)]
     for agent in found:
         for spec in agent.specs[GAMES[0]]:
             build(spec, 0)
@@ -81,7 +82,8 @@ def agents_of(args: LeaderboardArgs) -> list[Agent]:
 def ids_of(args: LeaderboardArgs) -> list[str]:
     """Return the instances, the first of every family and set before the second of any.
 
-    Raises ValueError for names that don't exist and numbers outside of a set.
+    What is asked for twice is there once. Raises ValueError for names that don't exist and numbers
+    outside of a set.
     """
     whole("verify", args.verify)
     for family in args.families:
@@ -94,7 +96,7 @@ def ids_of(args: LeaderboardArgs) -> list[str]:
     ]
     if args.finer:
         found = [_finer(id_, whole("finer", n, at_least=2)) for n in args.finer for id_ in found]
-    return sorted(found, key=lambda id_: parse_instance(id_).number)
+    return sorted(dict.fromkeys(found), key=lambda id_: parse_instance(id_).number)
 
 
 def _number(args: LeaderboardArgs, split: str) -> int:
@@ -194,6 +196,8 @@ def changed(agent: Agent, entry: LeaderboardEntry, args: LeaderboardArgs) -> str
         entries.manifests(),
     ):
         return "other networks, settings or flows"
+    if about["trained_on"] != list(agent.trained_on):
+        return "other families in training"
     if about["sources"] == entries.sources():
         return None
     if not args.verify:

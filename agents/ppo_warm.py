@@ -63,10 +63,13 @@ class Caution:
 
 
 def imitate(args: TrainingArgs, action_mode: str) -> Path:
-    """Return a network that imitates the adaptive rule; its lessons are kept."""
+    """Return a network that imitates the adaptive rule; its lessons are kept.
+
+    It has a folder of its own: one of `agents.imitation` may hold a network that took hours.
+    """
     lessons = ImitationArgs(
         scene=args.scene, teacher="adaptive", rounds=3, lessons=6, seed=args.seed,
-        output=args.output, n_evaluations=1, action_mode=action_mode,
+        output=args.output / "ppo_warm_starts", n_evaluations=1, action_mode=action_mode,
     )  # fmt: skip
     imitation.train(lessons)
     return lessons.folder / NETWORK

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 from agents.arguments import launch, option
 from agents.evaluate import instance_ids
-from agents.policies import LEARNED, NAMES, Spec, build
+from agents.policies import LEARNED, NAMES, STATIC, Spec, build
 from sph_gym.controllers.shipped import network_of
 from sph_gym.env import env_id
 from sph_gym.env.dataset import record
+from sph_gym.solver.checks import known, whole
 
 
 @dataclass
@@ -29,6 +30,14 @@ class RecordingArgs:
         "of a learned agent: file of the exported network; None: the one that is shipped", None
     )
     seed: int = option("of the first episode; the next ones count on", 0)
+
+    def __post_init__(self) -> None:
+        known("agent", self.agent, NAMES)
+        whole("episodes", self.episodes, at_least=1)
+        whole("seed", self.seed)
+        if (self.agent in STATIC) != (self.settings is not None):
+            needed = "three numbers" if self.agent in STATIC else "none"
+            raise ValueError(f"settings: expected {needed} for {self.agent}, got {self.settings}")
 
 
 def main(args: RecordingArgs) -> None:

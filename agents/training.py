@@ -57,6 +57,7 @@ class TrainingArgs:
     def __post_init__(self) -> None:
         for name in ("steps", "n_envs", "evaluate_every"):
             whole(name, getattr(self, name), at_least=1)
+        whole("seed", self.seed)
         validation_ids(self.scene, self.n_evaluations)
         if self.hyperparams is not None and not self.hyperparams.is_file():
             raise ValueError(f"hyperparams: there is no file {self.hyperparams}")
@@ -88,9 +89,18 @@ class Training:
     trial: Trial | None = None
 
     @property
+    def name(self) -> str:
+        """Name of what is trained: the algorithm, with other hyperparameters their file's too."""
+        file = self.args.hyperparams
+        if file is None:
+            return self.algorithm
+        own = file.stem.partition("-")[0] == self.algorithm
+        return file.stem if own else f"{self.algorithm}-{file.stem}"
+
+    @property
     def folder(self) -> Path:
         """Folder of everything that the training writes."""
-        return self.args.output / f"{self.algorithm}_{self.args.scene}_seed{self.args.seed}"
+        return self.args.output / f"{self.name}_{self.args.scene}_seed{self.args.seed}"
 
     def make_envs(self) -> TuningVecEnv:
         """Return the training environments, side by side on threads."""
@@ -164,8 +174,8 @@ class Training:
         wanted = observation_layout(Rules(action_mode=mode)), action_layout(mode)
         if found != wanted:
             raise ValueError(
-                f"resume: expected a training with layouts {wanted}, as hyperparams/"
-                f"{self.algorithm}.yml has them now, got one with {found} ({path})"
+                f"resume: expected a training with layouts {wanted}, as the hyperparameters have "
+                f"them now, got one with {found} ({path})"
             )
 
     def learn(self, model: BaseAlgorithm, more: Sequence[BaseCallback] = ()) -> None:
@@ -177,7 +187,9 @@ class Training:
         ids = validation_ids(args.scene, args.n_evaluations)
         validation = Validation(ids, self.folder, self.action_mode, args.resume)
         if not args.resume:
+            # nobody may resume a training before this one instead
             best.unlink(missing_ok=True)
+            shutil.rmtree(self.folder / "checkpoints", ignore_errors=True)
         try:
             model.learn(
                 max(args.steps - model.num_timesteps, 0),
@@ -205,7 +217,7 @@ class Training:
 
         Its card says how it was trained.
         """
-        target = shipped_network(self.algorithm, self.args.scene)
+        target = shipped_network(self.name, self.args.scene)
         origin = FOLDER / "trained" / f"{target.stem}.zip"
         for source, place in ((network, target), (model, origin)):
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -218,7 +230,7 @@ class Training:
             "seeds": [args.seed],
             "minutes": minutes,
         }
-        cards.begin(self.algorithm, args.scene, Network.load(target), training)
+        cards.begin(self.name, args.scene, Network.load(target), training)
         print(f"shipped: {target}")
 
     def _callbacks(self, validation: Validation) -> list[BaseCallback]:
@@ -235,13 +247,34 @@ class Training:
 def hyperparameters(algorithm: str, scene: str, file: Path | None = None) -> dict[str, Any]:
     """Return those of an environment id; what its YAML entry doesn't name comes from `default`.
 
-    file: instead of the algorithm's own. Raises ValueError for an unknown kind of actions.
+    file: instead of the algorithm's own. Raises ValueError for a file without such entries, for
+    texts where the algorithm's own file has numbers, and for an unknown kind of actions.
     """
-    path = file or FOLDER / "hyperparams" / f"{algorithm}.yml"
-    table = yaml.safe_load(path.read_text())
-    found = merged(table["default"], table.get(env_id(scene), {}))
-    known("action_mode", found.get("env", found).get("action_mode"), actions.MODES)
+    own = FOLDER / "hyperparams" / f"{algorithm}.yml"
+    path = file or own
+    try:
+        table = yaml.safe_load(path.read_text())
+        found = merged(table["default"], table.get(env_id(scene), {}))
+        mode = found.get("env", found).get("action_mode")
+    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
+        text = " ".join(str(error).split())
+        raise ValueError(
+            f"hyperparams: expected entries like those of {own}, got {path} ({text})"
+        ) from None
+    known("action_mode", mode, actions.MODES)
+    if file is not None:
+        _check_numbers(found, hyperparameters(algorithm, scene), path)
     return found
+
+
+def _check_numbers(found: dict[str, Any], usual: dict[str, Any], path: Path) -> None:
+    """Raise ValueError for a text in the place of a number, as YAML reads 7e-4."""
+    for name, value in found.items():
+        if isinstance(usual.get(name), (int, float)) and not isinstance(value, (int, float)):
+            raise ValueError(
+                f"hyperparams: expected a number for {name} in {path}, got {value!r}; a point "
+                "makes one of it: 7.0e-4"
+            )
 
 
 def merged(default: dict[str, Any], own: dict[str, Any]) -> dict[str, Any]:

@@ -27,11 +27,14 @@ from optuna.trial import TrialState
 
 from agents.arguments import SCENE_HELP, launch, option
 from agents.training import FOLDER, TrainingArgs, Trial, hyperparameters, replaced
+from agents.validation import validation_ids
 from sph_gym.env import env_id
 from sph_gym.files import atomic_write
 from sph_gym.solver.checks import known, whole
 from sph_gym.studies.jobs import INTERRUPTED
 
+# Arguments that all trainings of a study share: others give returns that can't be compared.
+SHARED = ("steps", "n_envs", "evaluate_every", "n_evaluations")
 # Validations before which no training is ended early, and trainings before the first that may be.
 WARM_UP, FIRST = 2, 4
 ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
@@ -53,7 +56,10 @@ class TuneArgs:
 
     def __post_init__(self) -> None:
         known("algorithm", self.algorithm, spaces())
-        whole("trials", self.trials, at_least=1)
+        for name in ("trials", *SHARED):
+            whole(name, getattr(self, name), at_least=1)
+        whole("seed", self.seed)
+        validation_ids(self.scene, self.n_evaluations)
 
     @property
     def folder(self) -> Path:
@@ -75,16 +81,29 @@ def distribution(choice: dict[str, Any]) -> BaseDistribution:
 
 
 def open_study(args: TuneArgs) -> optuna.Study:
-    """Return the study of the output folder; a new one begins with the present settings."""
+    """Return the study of the output folder; a new one begins with the present settings.
+
+    Raises ValueError if its trainings were of another length, or judged in another way.
+    """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     args.folder.mkdir(parents=True, exist_ok=True)
-    study = optuna.create_study(
-        storage=JournalStorage(JournalFileBackend(str(args.folder / "study.log"))),
-        study_name=args.folder.name,
-        direction="maximize",
-        pruner=optuna.pruners.MedianPruner(FIRST, n_warmup_steps=WARM_UP * args.evaluate_every),
-        load_if_exists=True,
-    )
+    storage = JournalStorage(JournalFileBackend(str(args.folder / "study.log")))
+    pruner = optuna.pruners.MedianPruner(FIRST, n_warmup_steps=WARM_UP * args.evaluate_every)
+    about: dict[str, Any] = {"study_name": args.folder.name, "storage": storage, "pruner": pruner}
+    if args.folder.name in optuna.get_all_study_names(storage):
+        # a study that is only looked at stays as it is
+        study = optuna.load_study(**about)
+    else:
+        study = optuna.create_study(direction="maximize", load_if_exists=True, **about)
+    for name in SHARED:
+        value = getattr(args, name)
+        if name not in study.user_attrs:
+            study.set_user_attr(name, value)
+        elif study.user_attrs[name] != value:
+            raise ValueError(
+                f"{name}: expected {study.user_attrs[name]}, with which the study in {args.folder} "
+                f"has begun, got {value}"
+            )
     # a study that goes on draws other settings than it began with, and every process its own
     (seed,) = np.random.SeedSequence([args.seed, len(study.trials)]).generate_state(1).tolist()
     study.sampler = optuna.samplers.TPESampler(seed=seed, constant_liar=True)

@@ -50,7 +50,8 @@ class Parser(argparse.ArgumentParser):
             message = f"{message[: wrong.start()]}expected one of {choices}, got {wrong[1]!r}"
         message = re.sub(r"invalid (int|float) value: ", "expected a number, got ", message)
         message = message.removeprefix("argument ")
-        self.exit(WRONG, f"sph_gym: {message}{hint}; see {self.prog} --help\n")
+        name = self.prog if self.prog.startswith("python") else "sph_gym"
+        self.exit(WRONG, f"{name}: {message}{hint}; see {self.prog} --help\n")
 
     def suggest(self, word: str) -> str:
         """Return a question after the option or command that is nearest to a word, or nothing."""

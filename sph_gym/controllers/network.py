@@ -95,7 +95,9 @@ class Network:
                 activation, squash = texts["activation"], texts["squash"]
                 highest = tuple(data["highest"].astype(float).tolist())
         except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
-            raise ValueError(f"path: {path} is no exported network ({error})") from None
+            # numpy's advice for files that it can't read is to load pickles
+            reason = f" ({error.strerror})" if isinstance(error, OSError) else ""
+            raise ValueError(f"path: {path} is no exported network{reason}") from None
         known = squash in SQUASH and activation in ACTIVATIONS
         if not (known and weights and _fit(weights, biases) and _is_bound(highest)):
             raise ValueError(f"path: {path} is no exported network")

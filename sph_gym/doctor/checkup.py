@@ -54,7 +54,7 @@ class Checkup:
         """Return the result of one check, done now if it wasn't before, as is what it needs."""
         check = CHECKS[known("check", name, CHECKS)]
         if name not in self.results:
-            for needed in _before(check) if check.last else check.needs:
+            for needed in _waits_for(check):
                 self.result(needed)
             self.results[name] = self._do(check)
         return self.results[name]
@@ -82,10 +82,12 @@ class Checkup:
             return skipped("left out as was asked")
         if self._hung:
             return Finding("blocked", message=f"the solver hung in {self._hung}")
-        for name in _before(check) if check.last else check.needs:
+        for name in _waits_for(check):
             other = self.results[name]
-            if other.broken or other.status == "xfail" or (name in check.needs and _stuck(other)):
-                return Finding("blocked", message=_root(other))
+            if other.broken or other.status == "xfail":
+                return Finding("blocked", message=f"waits for {other.check}, which failed")
+            if other.status == "blocked" and name in check.needs:
+                return Finding("blocked", message=other.message)
         missing = [name for name in check.shows if name not in self._lab.shown]
         if missing:
             return skipped(f"the solver does not show {', '.join(missing)}")
@@ -117,18 +119,10 @@ class Checkup:
             return inconclusive(f"the measured numbers could not be used: {kind}{error}"[:300])
 
 
-def _before(check: Check) -> list[str]:
+def _waits_for(check: Check) -> Collection[str]:
+    """Return the names of the checks that have to be done before."""
     names = list(CHECKS)
-    return names[: names.index(check.name)]
-
-
-def _stuck(result: Result) -> bool:
-    return result.status == "blocked"
-
-
-def _root(result: Result) -> str:
-    """Return which check failed, that others wait for."""
-    return result.message if _stuck(result) else f"waits for {result.check}, which failed"
+    return names[: names.index(check.name)] if check.last else check.needs
 
 
 def resolve(make: Factory | str) -> tuple[str, Factory]:
@@ -155,13 +149,9 @@ def resolve(make: Factory | str) -> tuple[str, Factory]:
 def _load(module: str) -> ModuleType:
     try:
         return _load_file(Path(module)) if module.endswith(".py") else import_module(module)
-    except ImportError as error:
-        if error.name == module:
-            raise
-        raise ValueError(
-            f"make: importing {module} raised {type(error).__name__}: {error}"
-        ) from None
     except (Exception, SystemExit) as error:
+        if isinstance(error, ImportError) and error.name == module:
+            raise
         raise ValueError(
             f"make: importing {module} raised {type(error).__name__}: {error}"
         ) from None

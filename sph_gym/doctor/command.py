@@ -3,7 +3,7 @@
 import faulthandler
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from sph_gym.doctor.checkup import check_solver
@@ -11,6 +11,7 @@ from sph_gym.doctor.comparison import compare
 from sph_gym.doctor.diagnosis import Diagnosis, Result, row
 from sph_gym.doctor.registry import CHECKS
 from sph_gym.doctor.report import write_page
+from sph_gym.doctor.subject import Factory
 from sph_gym.extras import progress_bar, say
 from sph_gym.solver.checks import known
 
@@ -71,73 +72,58 @@ def carry_out(request: ExaminationRequest) -> tuple[int, Diagnosis | None]:
         from sph_gym.doctor.matrix import measure, show
 
         return show(measure()), None
-    diagnosis = _EXAMINATIONS[asked[0] if asked else "scene"](request)
+    diagnosis = _examined(request)
     if request.html:
         write_page(diagnosis, request.html)
     print(_ending(diagnosis))
     return (0 if diagnosis.ok else 1), diagnosis
 
 
-def _examine(make: object, request: ExaminationRequest) -> Diagnosis:
-    with progress_bar(len(CHECKS), unit="check") as bar:
+def _examined(request: ExaminationRequest) -> Diagnosis:
+    """Examine what is asked for, and print each result."""
+    if request.recording is not None:
+        from sph_gym.doctor.recordings import check_recording
 
-        def show(result: Result) -> None:
-            say(row(result))
-            bar.update()
+        diagnosis = check_recording(request.recording)
+    elif request.pair is not None:
+        from sph_gym.doctor.here import short_name
 
-        return check_solver(
-            make,  # type: ignore[arg-type]
-            request.skip,
-            seed=request.seed,
-            callback=show,
-        )
+        a, b = (short_name(each) for each in request.pair)
+        diagnosis = compare(a, b, request.seed)
+    else:
+        return _of_solver(request)
+    print(*map(row, diagnosis.results), sep="\n")
+    return diagnosis
 
 
-def _solver(request: ExaminationRequest) -> Diagnosis:
-    # the last resort for compiled code that never returns: where it hangs, and an end
-    faulthandler.dump_traceback_later(LONGEST, exit=True, file=sys.__stderr__ or sys.stderr)
+def _of_solver(request: ExaminationRequest) -> Diagnosis:
+    make = _factory(request)
+    if request.solver is not None:
+        # the last resort for compiled code that never returns: where it hangs, and an end
+        faulthandler.dump_traceback_later(LONGEST, exit=True, file=sys.__stderr__ or sys.stderr)
     try:
-        return _examine(request.solver, request)
+        with progress_bar(len(CHECKS), unit="check") as bar:
+
+            def show(result: Result) -> None:
+                say(row(result))
+                bar.update()
+
+            return check_solver(make, request.skip, seed=request.seed, callback=show)
     finally:
         faulthandler.cancel_dump_traceback_later()
 
 
-def _scene(request: ExaminationRequest) -> Diagnosis:
+def _factory(request: ExaminationRequest) -> Factory | str:
+    """Return the solver that is asked for, by default this package's own."""
+    if request.solver is not None:
+        return request.solver
+    if request.fault is not None:
+        from sph_gym.doctor.faults import FAULTS
+
+        return FAULTS[known("fault", request.fault, FAULTS)].make
     from sph_gym.doctor.here import here, of_scene
 
-    return _examine(here() if request.scene is None else of_scene(request.scene), request)
-
-
-def _fault(request: ExaminationRequest) -> Diagnosis:
-    from sph_gym.doctor.faults import FAULTS
-
-    return _examine(FAULTS[known("fault", str(request.fault), FAULTS)].make, request)
-
-
-def _recording(request: ExaminationRequest) -> Diagnosis:
-    from sph_gym.doctor.recordings import check_recording
-
-    diagnosis = check_recording(str(request.recording))
-    print(*map(row, diagnosis.results), sep="\n")
-    return diagnosis
-
-
-def _pair(request: ExaminationRequest) -> Diagnosis:
-    from sph_gym.doctor.here import short_name
-
-    a, b = (short_name(each) for each in request.pair or ())
-    diagnosis = compare(a, b, request.seed)
-    print(*map(row, diagnosis.results), sep="\n")
-    return diagnosis
-
-
-_EXAMINATIONS: dict[str, Callable[[ExaminationRequest], Diagnosis]] = {
-    "solver": _solver,
-    "scene": _scene,
-    "recording": _recording,
-    "fault": _fault,
-    "pair": _pair,
-}
+    return here() if request.scene is None else of_scene(request.scene)
 
 
 def _ending(diagnosis: Diagnosis) -> str:

@@ -3,6 +3,18 @@
 from typing import Any, NamedTuple
 
 
+class Measured(NamedTuple):
+    """The numbers that a verdict rests on; see `Result` for the fields."""
+
+    measured: Any = ""
+    expected: Any = ""
+    unit: str = ""
+    tolerance: str = ""
+
+
+NOTHING = Measured()
+
+
 class Finding(NamedTuple):
     """The outcome of a check, before it knows its name; see `Result` for the fields.
 
@@ -19,21 +31,19 @@ class Finding(NamedTuple):
     link: str = ""
 
 
-def passed(message: str, measured: Any = "", expected: Any = "", **others: str) -> Finding:
-    """Return that the link is sound; others: unit, tolerance."""
-    return Finding("pass", measured, expected, message=message, **others)
+def passed(message: str, numbers: Measured = NOTHING) -> Finding:
+    """Return that the link is sound."""
+    return Finding("pass", message=message, **numbers._asdict())
 
 
-def failed(
-    message: str, remedy: str, measured: Any = "", expected: Any = "", **others: str
-) -> Finding:
-    """Return that the link is broken; others: unit, tolerance, link."""
-    return Finding("fail", measured, expected, message=message, remedy=remedy, **others)
+def failed(message: str, remedy: str, numbers: Measured = NOTHING, link: str = "") -> Finding:
+    """Return that the link is broken; link: where the evidence points, if not to the check's."""
+    return Finding("fail", message=message, remedy=remedy, link=link, **numbers._asdict())
 
 
-def inconclusive(message: str, measured: Any = "", expected: Any = "", **others: str) -> Finding:
+def inconclusive(message: str, numbers: Measured = NOTHING) -> Finding:
     """Return that the outcome decides nothing."""
-    return Finding("inconclusive", measured, expected, message=message, **others)
+    return Finding("inconclusive", message=message, **numbers._asdict())
 
 
 def skipped(message: str) -> Finding:

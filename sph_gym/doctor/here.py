@@ -31,25 +31,11 @@ class Here:
         self.sim = Simulation(scene, **settings)  # type: ignore[arg-type]
         self.c0, self.stiffness = case.c0, scene.fluid.stiffness(case.c0)
 
-    @property
-    def x(self) -> Array:
-        """Return positions (n, 2) [m]."""
-        return self.sim.x[: self.n]
-
-    @property
-    def v(self) -> Array:
-        """Return velocities (n, 2) [m/s]."""
-        return self.sim.v[: self.n]
-
-    @property
-    def rho(self) -> Array:
-        """Return densities (n,) [kg/m^3]."""
-        return self.sim.rho[: self.n]
-
-    @property
-    def p(self) -> Array:
-        """Return pressures (n,) [Pa]."""
-        return self.sim.p[: self.n]
+    def __getattr__(self, name: str) -> Array:
+        """Return x, v, rho or p of the fluid, without the particles of walls."""
+        if name not in ("x", "v", "rho", "p"):
+            raise AttributeError(name)
+        return getattr(self.sim, name)[: self.n]
 
     @property
     def a(self) -> Array:

@@ -2,7 +2,9 @@
 
 import time
 import zlib
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,15 +16,21 @@ TINY = 1e-4
 OPTIONAL = ("rho", "p", "a", "evaluate", "neighbors", "c0", "stiffness")
 
 
-class Fields(NamedTuple):
-    """Results of one evaluation of a solver; None for what it doesn't show.
+Subject = TypeVar("Subject")
+Measurement = TypeVar("Measurement")
 
-    rho: (n,) [kg/m^3]; p: (n,) [Pa]; a: (n, 2) [m/s^2].
-    """
 
-    rho: Array | None
-    p: Array | None
-    a: Array | None
+def once(measure: Callable[[Subject], Measurement]) -> Callable[[Subject], Measurement]:
+    """Let a function be called once for each lab, or survey: the outcome stays in its `facts`."""
+    name = f"{measure.__module__}.{measure.__name__}"
+
+    @wraps(measure)
+    def kept(subject: Any) -> Measurement:
+        if name not in subject.facts:
+            subject.facts[name] = measure(subject)
+        return subject.facts[name]
+
+    return kept
 
 
 class Lab:
@@ -47,11 +55,6 @@ class Lab:
         self.rng = np.random.default_rng([self._seed, zlib.crc32(check.encode())])
         self._deadline = time.monotonic() + seconds
 
-    @property
-    def precision(self) -> float:
-        """Return the relative error that rounding alone may cause in a sum over neighbours."""
-        return 1e-3 if self.float32 else 1e-8
-
     def make(self, case: Case) -> SolverUnderTest:
         """Return a new solver for the case; its steps raise Waits if the clock is broken."""
         started = time.monotonic()
@@ -60,36 +63,23 @@ class Lab:
         self._deadline += time.monotonic() - started
         return subject
 
-    def run(self, case: Case, dt: float, n_steps: int) -> SolverUnderTest:
-        """Return a new solver after so many steps."""
-        return self.make(case).step(dt, n_steps)
-
-    def fields(self, case: Case) -> Fields:
-        """Return densities, pressures and accelerations of a new solver at the case's positions."""
+    def evaluated(self, case: Case) -> SolverUnderTest:
+        """Return a new solver that has computed all that it shows for the case's positions."""
         subject = self.make(case)
         if "evaluate" in self.shown:
-            subject.evaluate()
-        else:
-            subject.step(TINY * case.h / case.c0)
-        values = [subject.get(name) if name in self.shown else None for name in ("rho", "p", "a")]
-        return Fields(*values)
+            return subject.evaluate()
+        return subject.step(TINY * case.h / case.c0)
 
     def density(self, case: Case) -> Array:
         """Return the densities (n,) [kg/m^3] at the case's positions; the solver must show rho."""
-        rho = self.fields(case).rho
-        assert rho is not None
-        return rho
+        return self.evaluated(case).get("rho")
 
     def acceleration(self, case: Case) -> Array:
         """Return the accelerations (n, 2) [m/s^2] at the case's positions and velocities.
 
         Taken from `a` if the solver shows it, else from the change of v.
         """
-        if "a" in self.shown:
-            a = self.fields(case).a
-            assert a is not None
-            return a
-        return self.change_of_velocity(case)
+        return self.evaluated(case).get("a") if "a" in self.shown else self.change_of_velocity(case)
 
     def change_of_velocity(self, case: Case) -> Array:
         """Return dv/dt (n, 2) [m/s^2] over two tiny steps, after a first one.
@@ -97,6 +87,4 @@ class Lab:
         The first step is left out: some solvers know no acceleration yet when they begin.
         """
         dt = TINY * case.h / case.c0
-        subject = self.make(case).step(dt)
-        before = subject.v
-        return (subject.step(dt, 2).v - before) / (2 * dt)
+        return self.make(case).step(dt).change(dt, 2)

@@ -5,6 +5,7 @@ their authors write in smoothing lengths, are told in the same way.
 """
 
 from collections.abc import Callable, Collection
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,14 +61,6 @@ def _gaussian(cut: float, slope: bool) -> Shape:
     return shape
 
 
-def _poly6(q: Array) -> Array:
-    return 4 / np.pi * np.maximum(1 - q**2, 0.0) ** 3
-
-
-def _poly6_slope(q: Array) -> Array:
-    return 24 / np.pi * q * np.maximum(1 - q**2, 0.0) ** 2
-
-
 _M4, _M5, _M6 = (1.0, 0.5), (1.0, 0.6, 0.2), (1.0, 2 / 3, 1 / 3)
 _QUARTIC = 96 * 2.5**6 / 1199
 _QUINTIC = 7 * 3.0**7 / 478
@@ -75,14 +68,17 @@ _QUINTIC = 7 * 3.0**7 / 478
 KERNELS: dict[str, Kernel] = {
     kernel.name: kernel
     for kernel in (
-        Kernel("poly6", _poly6, _poly6_slope, 315 / 256, pairing=True),
+        Kernel(
+            "poly6",
+            lambda q: 4 / np.pi * np.maximum(1 - q**2, 0.0) ** 3,
+            lambda q: 24 / np.pi * q * np.maximum(1 - q**2, 0.0) ** 2,
+            315 / 256,
+            pairing=True,
+        ),
         Kernel("spiky", _polynomial(10, 3, 1), _polynomial(30, 2, 1), 1.5),
         Kernel("Wendland C2", _polynomial(7, 4, 1, 4), _polynomial(140, 3, 0, 1), 1.5),
         Kernel(
-            "Wendland C4",
-            _polynomial(9, 6, 1, 6, 35 / 3),
-            _polynomial(168, 5, 0, 1, 5),
-            495 / 288,
+            "Wendland C4", _polynomial(9, 6, 1, 6, 35 / 3), _polynomial(168, 5, 0, 1, 5), 495 / 288
         ),
         Kernel(
             "Wendland C6",
@@ -91,10 +87,7 @@ KERNELS: dict[str, Kernel] = {
             1365 * 7 / (64 * 78),
         ),
         Kernel(
-            "cubic spline",
-            _spline(80 / 7, 3, _M4, 1, -4),
-            _spline(240 / 7, 2, _M4, 1, -4),
-            1.4,
+            "cubic spline", _spline(80 / 7, 3, _M4, 1, -4), _spline(240 / 7, 2, _M4, 1, -4), 1.4
         ),
         Kernel(
             "quartic spline",
@@ -138,11 +131,7 @@ class Match(NamedTuple):
 
 
 def match(
-    q: Array,
-    values: Array,
-    which: str,
-    alike: float = ALIKE,
-    names: Collection[str] = (),
+    q: Array, values: Array, which: str, alike: float = ALIKE, names: Collection[str] = ()
 ) -> Match:
     """Return the kernel whose `which`, "weight" or "slope", is proportional to measured values.
 
@@ -163,6 +152,7 @@ def match(
     return best if best.error <= alike else best._replace(name="")
 
 
+@lru_cache
 def lattice_sum(weight: Callable[[Array], Any], ratio: float) -> float:
     """Return the sum of W h^2 over the square lattice of spacing dx = h / ratio.
 

@@ -5,11 +5,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sph_gym.doctor.checkup import check_solver
 from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.faults import FAULTS, make
+from sph_gym.doctor.faults.protocol import Wrapped
 from sph_gym.doctor.subject import Factory
 from sph_gym.solver.teams import most_threads
 
@@ -33,24 +34,6 @@ class DiagnosisOutcome(NamedTuple):
     def is_right(self) -> bool:
         """Return whether the link that was found is the broken one."""
         return self.found == self.link
-
-
-class Bare:
-    """A solver that shows positions and velocities, and nothing else."""
-
-    def __init__(self, solver: Any) -> None:
-        self._solver = solver
-        self.step = solver.step
-
-    @property
-    def x(self) -> Any:
-        """Return its positions."""
-        return self._solver.x
-
-    @property
-    def v(self) -> Any:
-        """Return its velocities."""
-        return self._solver.v
 
 
 def measure(names: Sequence[str] = tuple(FAULTS), shows: str = ALL) -> Iterator[DiagnosisOutcome]:
@@ -77,7 +60,7 @@ def examine(
 ) -> DiagnosisOutcome:
     """Return the outcome for one solver."""
     made = factory()
-    first = check_solver((lambda case: Bare(made(case))) if shows == BARE else made).first
+    first = check_solver(partial(Wrapped, make=made) if shows == BARE else made).first
     return DiagnosisOutcome(name, link, *((first.link, first.check) if first else ("", "")))
 
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
-from sph_gym.doctor.findings import Finding, failed, inconclusive
-from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive
+from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import Function
 from sph_gym.doctor.subject import Crash, SolverUnderTest
 
@@ -119,23 +119,17 @@ def _look(subject: SolverUnderTest, lab: Lab, still: float) -> tuple[Seen, Array
         return Seen(rho, p, a), a
     if "evaluate" in lab.shown:
         subject.step(still)
-    return Seen(rho, p, change(subject, still, 2)), change(subject, 2 * still)
+    return Seen(rho, p, subject.change(still, 2)), subject.change(2 * still)
 
 
 def _shown(subject: SolverUnderTest, lab: Lab, name: str) -> Array:
     return subject.get(name) if name in lab.shown else np.full(subject.case.n, np.nan)
 
 
-def change(subject: SolverUnderTest, dt: float, n_steps: int = 1) -> Array:
-    """Return dv/dt (n, 2) [m/s^2] over the next steps of dt seconds."""
-    before = subject.v
-    return (subject.step(dt, n_steps).v - before) / (n_steps * dt)
-
-
 def passing(subject: SolverUnderTest, lab: Lab, dt: float) -> Seen:
     """Return rho, p and a as they were at the last evaluation of a solver in motion."""
     rho, p = _shown(subject, lab, "rho"), _shown(subject, lab, "p")
-    a = subject.get("a") if "a" in lab.shown else change(subject, dt)
+    a = subject.get("a") if "a" in lab.shown else subject.change(dt)
     return Seen(rho, p, a)
 
 
@@ -204,17 +198,15 @@ def gentle(lab: Lab, law: Callable[[float], Array]) -> float:
     return squeezing(lab) or 1.0
 
 
+@once
 def squeezing(lab: Lab) -> float | None:
     """Return the smallest h / dx that the solver takes, None if it takes none below 2.
 
     At h = dx a single particle has about the density rho0 or more, so that pairs are under
     pressure although pressures below zero may be cut off.
     """
-    if "squeezing" not in lab.facts:
-        found = [ratio for ratio in (1.0, 1.05, 1.3, 1.6) if takes(lab, ratio)]
-        lab.facts["squeezing"] = found[0] if found else None
-    ratio = lab.facts["squeezing"]
-    return None if ratio is None else float(ratio)
+    found = [ratio for ratio in (1.0, 1.05, 1.3, 1.6) if takes(lab, ratio)]
+    return found[0] if found else None
 
 
 def takes(lab: Lab, ratio: float) -> bool:
@@ -294,7 +286,8 @@ def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Seen]:
 
 def not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Finding:
     """Return that something is not finite: densities, pressures or accelerations."""
+    numbers = Measured("not finite", "finite")
     for name, link, values in (("rho", "density", found.rho), ("p", "pressure", found.p)):
         if name in lab.shown and not np.isfinite(values).all():
-            return failed(f"{what}: {name} not finite", remedy, "not finite", "finite", link=link)
-    return failed(f"{what}: accelerations not finite", remedy, "not finite", "finite")
+            return failed(f"{what}: {name} not finite", remedy, numbers, link=link)
+    return failed(f"{what}: accelerations not finite", remedy, numbers)

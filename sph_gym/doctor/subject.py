@@ -59,11 +59,7 @@ class SolverUnderTest:
     """
 
     def __init__(
-        self,
-        factory: Factory,
-        case: Case,
-        deadline: float = float("inf"),
-        broken_clock: str = "",
+        self, factory: Factory, case: Case, deadline: float = float("inf"), broken_clock: str = ""
     ) -> None:
         self.case, self._deadline, self._broken_clock = case, deadline, broken_clock
         self.n_steps = 0
@@ -88,6 +84,11 @@ class SolverUnderTest:
             self._call("step(dt)", lambda: self._solver.step(float(dt)))
             self.n_steps += 1
         return self
+
+    def change(self, dt: float, n: int = 1) -> Array:
+        """Return dv/dt (n, 2) [m/s^2] over the next n steps of dt seconds each."""
+        before = self.v
+        return (self.step(dt, n).v - before) / (n * dt)
 
     @property
     def x(self) -> Array:

@@ -8,6 +8,7 @@ def test_solver(make, check):
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -18,37 +19,30 @@ from sph_gym.doctor.registry import CHECKS
 from sph_gym.doctor.subject import Factory
 
 
-class SolverTest:
-    """One check of one solver; call it with the factory inside a test.
+def _test(
+    checkup: Checkup, name: str, callback: Callable[[Result], None] | None, make: Factory | str
+) -> None:
+    """Do one check of the solver under examination, which `make` stands for in the test.
 
     Checks of one solver share what they have measured, so that each is done once; one that builds
-    on a broken link is skipped as blocked instead of failing again.
+    on a broken link is skipped as blocked instead of failing again. Raises AssertionError with all
+    that was found if the check fails. Tests whose check is blocked, skipped or inconclusive are
+    skipped, with the reason.
     """
+    import pytest
 
-    def __init__(
-        self, name: str, checkup: Checkup, callback: Callable[[Result], None] | None = None
-    ) -> None:
-        self.name, self._checkup, self._callback = name, checkup, callback
-
-    def __call__(self, make: Factory | str) -> None:
-        """Do the check; raise AssertionError with all that was found if it fails.
-
-        Tests whose check is blocked, skipped or inconclusive are skipped, with the reason.
-        """
-        import pytest
-
-        result = self._checkup.result(self.name)
-        if self._callback:
-            self._callback(result)
-        if result.broken:
-            raise AssertionError(
-                f"{result.link}: {result.message}\nmeasured {result.measured}, expected "
-                f"{result.expected} {result.unit}\n{result.remedy}"
-            )
-        if result.status == "xfail":
-            pytest.xfail(result.message)
-        if result.status != "pass":
-            pytest.skip(f"{result.status}: {result.message}")
+    result = checkup.result(name)
+    if callback:
+        callback(result)
+    if result.broken:
+        raise AssertionError(
+            f"{result.link}: {result.message}\nmeasured {result.measured}, expected "
+            f"{result.expected} {result.unit}\n{result.remedy}"
+        )
+    if result.status == "xfail":
+        pytest.xfail(result.message)
+    if result.status != "pass":
+        pytest.skip(f"{result.status}: {result.message}")
 
 
 def parametrize_with_checks(
@@ -74,6 +68,6 @@ def parametrize_with_checks(
     for make, checkup, title in zip(makes, checkups, short, strict=True):
         title = title if short.count(title) == 1 else checkup.name
         for name in CHECKS:
-            test = SolverTest(name, checkup, callback)
+            test = partial(_test, checkup, name, callback)
             parameters.append(pytest.param(make, test, id=f"{title}-{name}"))
     return pytest.mark.parametrize(("make", "check"), parameters)

@@ -24,8 +24,7 @@ import sph_gym
 from sph_gym import Simulation, scenes
 from sph_gym.solver import effects, jit, stepping
 from sph_gym.solver.registry import EFFECTS
-from sph_gym.studies import assembly, variants
-from sph_gym.studies.assembly import Count
+from sph_gym.studies import variants
 
 # Functions outside of effects.py that return what they are given, or a constant, without their
 # part of the scene.
@@ -40,25 +39,32 @@ ELSEWHERE: dict[str, tuple[str, ...]] = {
 }
 
 
-def terms(effect: str) -> tuple[str, ...]:
-    """Return the names of the terms in the section of an effect in effects.py."""
-    begins = sorted(inspect.getsourcelines(each.strength)[1] for each in EFFECTS)
-    own = [inspect.getsourcelines(each.strength)[1] for each in EFFECTS if each.name == effect]
-    functions = [f for f in vars(effects).values() if isinstance(f, FunctionType)]
-    lines = {f.__name__: inspect.getsourcelines(f)[1] for f in functions}
-    return tuple(
-        name
-        for name, line in lines.items()
-        if name.startswith("add_") and own and own == [b for b in begins if b < line][-1:]
-    )
+def _terms() -> dict[str, tuple[str, ...]]:
+    """Return functions by effect: those that add something in its section of effects.py, and more.
+
+    A section begins with the strength of its effect.
+    """
+    lines = {each.name: inspect.getsourcelines(each.strength)[1] for each in EFFECTS}
+    found = {name: list[str]() for name in (*lines, *ELSEWHERE)}
+    for name, function in vars(effects).items():
+        if name.startswith("add_") and isinstance(function, FunctionType):
+            line = inspect.getsourcelines(function)[1]
+            begin = max((begin for begin in lines.values() if begin < line), default=None)
+            for effect in (effect for effect, each in lines.items() if each == begin):
+                found[effect].append(name)
+    return {effect: (*names, *ELSEWHERE.get(effect, ())) for effect, names in found.items()}
 
 
-TERMS: dict[str, tuple[str, ...]] = {
-    name: (*terms(name), *ELSEWHERE.get(name, ()))
-    for name in dict.fromkeys((*(each.name for each in EFFECTS), *ELSEWHERE))
-}
+TERMS = _terms()
 # Instead of one effect: every function that begins with `if argument is None`, where it is None.
 EVERY = "every absent part"
+
+
+class Count(NamedTuple):
+    """Instructions of the whole function, and of the innermost loop over pairs."""
+
+    whole: int
+    loop: int
 
 
 class Build(NamedTuple):
@@ -108,7 +114,12 @@ def compile_and_count(build: Build) -> Count:
         scene = variants.left_out(scene, build.left_out)
     sim = Simulation(scene, threads=1)
     sim.advance(sim.controls.dt)
-    return assembly.count(stepping.advance)
+    # numba lists only code that it has just compiled, none from its cache
+    step: Any = stepping.advance
+    listings = list(step.inspect_asm().values())
+    if not listings:
+        raise ValueError("stepping.advance: nothing has been compiled")
+    return count_in(listings[-1])
 
 
 # --- Replacing ------------------------------------------------------------------------------
@@ -213,6 +224,72 @@ def _where_absent(function: Any, identities: dict[int, Callable[..., Any]]) -> C
 
     overload(either, strict=False, jit_options=jit.OPTIONS)(choose)
     return either
+
+
+# --- Counting -------------------------------------------------------------------------------
+
+_FUNCTION = re.compile(r"\s*\.type\s+(\S+?),\s*[@%]function")
+_LABEL = re.compile(r"(\.?L\w+):")
+_INSTRUCTION = re.compile(r"\s+([a-z]\w*)")
+_BRANCH = re.compile(r"(?:j|b|cb|tb)\w*(?:\.\w+)?\s.*?(\.?L\w+)\s*$")
+_WRAPPERS = ("cpython", "cfunc")
+
+
+def count_in(listing: str) -> Count:
+    """Count the instructions in a listing; ValueError if it can't be read, as without ELF."""
+    bodies = functions(listing)
+    reached = reachable(bodies)
+    whole = sum(len(instructions(bodies[name])) for name in reached)
+    loops = [loop for name in reached for loop in pair_loops(bodies[name])]
+    if not loops:
+        raise ValueError("no loop over pairs was found in the listing")
+    return Count(whole, max(map(len, loops)))
+
+
+def functions(listing: str) -> dict[str, list[str]]:
+    """Return the lines of every function in the listing but of numba's wrappers."""
+    bodies: dict[str, list[str]] = {}
+    name = ""
+    for line in listing.splitlines():
+        if found := _FUNCTION.match(line):
+            name = found[1]
+            bodies[name] = []
+        elif line.lstrip().startswith(".size"):
+            name = ""
+        elif name:
+            bodies[name].append(line)
+    if not bodies:
+        raise ValueError("no functions are marked in the listing of this system")
+    return {k: v for k, v in bodies.items() if not any(w in k[:16] for w in _WRAPPERS)}
+
+
+def reachable(bodies: dict[str, list[str]]) -> list[str]:
+    """Return the names of the first function and of all that it mentions, at any depth."""
+    reached = list(bodies)[:1]
+    for name in reached:
+        symbols = set(re.findall(r"[\w.]+", "\n".join(instructions(bodies[name]))))
+        reached += [other for other in bodies if other in symbols and other not in reached]
+    return reached
+
+
+def instructions(lines: list[str]) -> list[str]:
+    """Return the lines that are neither labels nor directives nor comments."""
+    return [line.strip() for line in lines if _INSTRUCTION.match(line)]
+
+
+def pair_loops(lines: list[str]) -> list[list[str]]:
+    """Return every innermost loop that takes a root and a reciprocal, as forces do."""
+    places = {found[1]: k for k, line in enumerate(lines) if (found := _LABEL.match(line))}
+    spans = []
+    for k, line in enumerate(lines):
+        found = _BRANCH.match(line.strip())
+        if found and places.get(found[1], k) < k:
+            spans.append((places[found[1]], k))
+    inner = [s for s in spans if not any(s != t and s[0] <= t[0] and t[1] <= s[1] for t in spans)]
+    bodies = [instructions(lines[first : last + 1]) for first, last in inner]
+    commands = [" ".join(line.split()[0] for line in body) for body in bodies]
+    named = zip(bodies, commands, strict=True)
+    return [body for body, said in named if "sqrt" in said and ("rcp" in said or "div" in said)]
 
 
 def main() -> None:

@@ -6,11 +6,14 @@ On all of them a job whose worker dies runs again, on another worker, and nothin
 import multiprocessing
 import os
 import signal
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from sph_gym.extras import needs_extra
@@ -20,6 +23,8 @@ from sph_gym.solver.teams import most_threads
 
 # A job that has killed so many workers is given up.
 ATTEMPTS = 3
+# How long a scheduler of Dask may take to write its file [s].
+PATIENCE = 60.0
 # Ray's store of objects [bytes]: jobs and their results are small.
 OBJECT_STORE = 80 * 2**20
 
@@ -79,79 +84,50 @@ def open_pool(backend: Backend, most: int) -> Iterator[Submit]:
 # --- Processes of this machine --------------------------------------------------------------
 
 
-class _Worker:
-    """A process that does one job after the other; another takes its place if it dies."""
-
-    def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._process = ProcessPoolExecutor(1, context, initializer=_begin_worker)
-        self._id = self._process.submit(os.getpid).result()
-
-    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what the job returns. Raises BrokenProcessPool if the process has died."""
-        return self._process.submit(function, *arguments).result()
-
-    def stop(self, signal_: int = signal.SIGTERM) -> None:
-        """End the process, whatever it does."""
-        with suppress(ProcessLookupError):
-            os.kill(self._id, signal_)
-        self._process.shutdown(wait=True, cancel_futures=True)
-
-
-class _LocalPool:
-    """One thread a worker: a process that is killed takes no other with it."""
-
-    def __init__(self, n_workers: int) -> None:
-        self._threads = ThreadPoolExecutor(n_workers)
-        self._own = threading.local()
-        self._all: list[_Worker] = []
-
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> "Future[Any]":
-        """Return the future of a job."""
-        return self._threads.submit(self._run, function, *arguments)
-
-    def _run(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        for _ in range(ATTEMPTS):
-            try:
-                return self._worker().run(function, *arguments)
-            except BrokenProcessPool as error:
-                self._own.worker, broken = None, error
-        raise RuntimeError(f"a job has ended {ATTEMPTS} workers: {arguments!r}") from broken
-
-    def _worker(self) -> _Worker:
-        if getattr(self._own, "worker", None) is None:
-            self._own.worker = _Worker()
-            self._all.append(self._own.worker)
-        return self._own.worker
-
-    def stop(self) -> None:
-        """Drop what waits and end all processes."""
-        self._threads.shutdown(wait=False, cancel_futures=True)
-        for worker in self._all:
-            worker.stop()
-
-
 @contextmanager
 def _local(address: None, n_workers: int) -> Iterator[Submit]:
-    pool = _LocalPool(n_workers)
+    """Start one thread a worker, each with a process of its own.
+
+    So a process that is killed takes no other with it: another one takes its place.
+    """
+    threads, own = ThreadPoolExecutor(n_workers), threading.local()
+    context = multiprocessing.get_context("spawn")
+    started: list[tuple[int, ProcessPoolExecutor]] = []
+
+    def run(function: Callable[..., Any], *arguments: Any) -> Any:
+        for _ in range(ATTEMPTS):
+            try:
+                if getattr(own, "process", None) is None:
+                    own.process = ProcessPoolExecutor(1, context, initializer=_begin_worker)
+                    started.append((own.process.submit(os.getpid).result(), own.process))
+                return own.process.submit(function, *arguments).result()
+            except BrokenProcessPool as error:
+                own.process, broken = None, error
+        raise RuntimeError(f"a job has ended {ATTEMPTS} workers: {arguments!r}") from broken
+
     try:
-        yield pool.submit
+        yield lambda *job: threads.submit(run, *job)
     finally:
-        pool.stop()
+        # what waits is dropped, and processes end whatever they do
+        threads.shutdown(wait=False, cancel_futures=True)
+        for number, process in started:
+            with suppress(ProcessLookupError):
+                os.kill(number, signal.SIGTERM)
+            process.shutdown(wait=True, cancel_futures=True)
 
 
 def _begin_worker() -> None:
     """Leave Ctrl-C to the process that has started this one, and end when that has ended."""
+
+    def follow_parent() -> None:
+        parent = multiprocessing.parent_process()
+        assert parent is not None
+        parent.join()
+        os._exit(1)
+
     announce_compilation()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_follow_parent, daemon=True).start()
-
-
-def _follow_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
+    threading.Thread(target=follow_parent, daemon=True).start()
 
 
 # --- Clusters -------------------------------------------------------------------------------
@@ -163,13 +139,31 @@ def _dask(address: str | None, n_workers: int) -> Iterator[Submit]:
         from distributed import Client
     if address is not None:
         is_file = address.endswith(".json")
+        if is_file:
+            _wait_for(Path(address))
         options: dict[str, Any] = {"scheduler_file" if is_file else "address": address}
     else:
         # without a page of its state, and without a limit of memory that none of our jobs reaches
         options = {"n_workers": n_workers, "threads_per_worker": 1, "memory_limit": 0}
         options |= {"dashboard_address": None}
-    with Client(**options) as client, client.get_executor(pure=False) as executor:
-        yield executor.submit
+    with Client(**options) as client:
+        executor = client.get_executor(pure=False)
+        try:
+            yield executor.submit
+        finally:
+            # as a context manager it would wait for all that was submitted
+            executor.shutdown(wait=False)
+
+
+def _wait_for(file: Path) -> None:
+    """Wait until a scheduler that is being started has written its file. OSError if it doesn't."""
+    end = time.monotonic() + PATIENCE
+    if not file.exists():
+        print(f"waiting for the scheduler file {file}", file=sys.stderr, flush=True)
+    while not file.exists():
+        if time.monotonic() > end:
+            raise FileNotFoundError(f"address: expected a file that a scheduler wrote, got {file}")
+        time.sleep(0.1)
 
 
 @contextmanager

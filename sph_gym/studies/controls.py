@@ -10,7 +10,7 @@ that it is judged by, so that no loss is the luck of a choice.
 """
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from sph_gym.env.tuning import TuningEnv
 from sph_gym.studies import episodes
 from sph_gym.studies.averages import bootstrap_interval
 from sph_gym.studies.episodes import constant, follow
+from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
 
 CONTROLS = ("Courant multiple", "sound speed", "epsilon")
@@ -67,7 +68,7 @@ class Table(NamedTuple):
         return np.asarray(self.static.max(axis=others))
 
 
-def follow_noise(env: Any, place: NDArray[Any]) -> NDArray[np.float32]:
+def follow_noise(env: Any, observation: Any, place: NDArray[Any]) -> NDArray[np.float32]:
     """Return an action with the epsilon that the observed noise asks for.
 
     place: coordinates of the other two controls.
@@ -79,17 +80,9 @@ def follow_noise(env: Any, place: NDArray[Any]) -> NDArray[np.float32]:
     return coordinates.astype(np.float32)
 
 
-def _following(place: NDArray[Any]) -> episodes.Policy:
-    return lambda env, observation: follow_noise(env, place)
-
-
-def play(scene: str, number: int, grid: ControlGrid, folder: Path) -> Table:
-    """Return the rewards of a validation instance; played before, they come from the folder."""
-    instance = f"{scene}/val/{number}"
-    store = episodes.results(folder)
-    static, following, kind = store.get(
-        ["controls", instance, grid], lambda: play_settings(instance, grid)
-    )
+def table(instance: str, grid: ControlGrid, store: Results) -> Table:
+    """Return what `play_settings` found, from the store."""
+    static, following, kind = store.load(["controls", instance, grid])
     return Table(np.array(static), np.array(following), kind)
 
 
@@ -108,7 +101,7 @@ def play_settings(instance: str, grid: ControlGrid) -> tuple[Rewards, Rewards, s
 
     for i, j in np.ndindex(*sizes[:EPSILON]):
         place = actions.locate(grid.courant[i], grid.sound[j], 0.0)
-        following[i, j] = reward(_following(place))
+        following[i, j] = reward(partial(follow_noise, place=place))
         for k, epsilon in enumerate(grid.xsph):
             place = actions.locate(grid.courant[i], grid.sound[j], epsilon)
             static[i, j, k] = reward(constant(*place))

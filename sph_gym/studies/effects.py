@@ -14,8 +14,7 @@ import numpy as np
 from sph_gym import scenes
 from sph_gym.solver.teams import most_threads
 from sph_gym.studies import absence, variants
-from sph_gym.studies.absence import EVERY, TERMS, Build
-from sph_gym.studies.assembly import Count
+from sph_gym.studies.absence import EVERY, TERMS, Build, Count
 from sph_gym.studies.table import Part, Row, measure_parts
 from sph_gym.timing import Runner, in_turns, own_clock, same_home
 

@@ -19,7 +19,6 @@ so must runs that are as good as the references (`sph_gym.studies.honesty`).
 
 import math
 from collections.abc import Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,7 +26,6 @@ import numpy as np
 
 from sph_gym.env import SCENES, instances
 from sph_gym.env.oracle import COARSE, Oracle, Search
-from sph_gym.extras import progress, progress_bar
 from sph_gym.files import write_csv
 from sph_gym.studies import controls, episodes, honesty
 from sph_gym.studies.backends import LOCAL, Backend
@@ -53,10 +51,12 @@ NOISE_FLOOR = "nothing: noise floor of the search"
 XSPH_AXIS, XSPH_OFF = 2, -1.0
 # Quantities of the rows that tell a scene's headroom.
 GAIN, NONE = "headroom over the best static", "no headroom: both within tolerance nowhere"
-# Fields of a contest and their names in tables.
-PLAYERS = {"rule": "tuned CFL", "static": "best static", "oracle": "oracle"}
+# Who plays every instance.
+PLAYERS = RULE, STATIC, ORACLE = ("tuned CFL", "best static", "oracle")
 # Further players, besides the oracles with a control frozen.
 ELSEWHERE, UNSMOOTHED = "oracle, looking elsewhere", "oracle, epsilon 0"
+# Player, instance, and what else decides a result: the key by which it is kept.
+Key = list[Any]
 COLUMNS = ("instance", "label", "player", *Score._fields, "within", "setting", "headroom")
 
 
@@ -92,44 +92,30 @@ QUICK = HeadroomPlan(
 
 
 class Contest(NamedTuple):
-    """One instance: the rule, the best static setting and its coordinates, and the oracle.
+    """One instance: the scores of its players by name, and the coordinates of the static setting.
 
-    static, setting: None where no static setting keeps within tolerance. others: further searches
-    by the names of their players, `frozen` of each control, ELSEWHERE and UNSMOOTHED; empty where
-    they weren't tried.
+    There is neither score nor setting where no static setting keeps within tolerance. Further
+    searches, besides PLAYERS, are `frozen` of each control, ELSEWHERE and UNSMOOTHED, where they
+    were tried.
     """
 
-    rule: Score
-    static: Score | None
-    setting: Setting | None
-    oracle: Score
-    others: Mapping[str, Score] = {}
+    scores: Mapping[str, Score]
+    setting: Setting | None = None
 
     @property
     def headroom(self) -> float:
         """Work of the static setting / work of the oracle at equal error; else not a number."""
-        if self.static is None or not self.oracle.within:
+        if STATIC not in self.scores or not self.scores[ORACLE].within:
             return math.nan
-        return self.static.substeps / self.oracle.substeps
+        return self.scores[STATIC].substeps / self.scores[ORACLE].substeps
 
-    @property
-    def static_reward(self) -> float:
-        """Mean reward of the static setting; -inf without one."""
-        return -math.inf if self.static is None else self.static.reward
+    def best_reward(self, *players: str) -> float:
+        """Return the best mean reward of some players, and of the static setting if there is one.
 
-    @property
-    def best_reward(self) -> float:
-        """The best known mean reward."""
-        searches = (self.oracle, *self.others.values())
-        return max(self.static_reward, *(score.reward for score in searches))
-
-    def scores(self) -> Iterator[tuple[str, Score, Setting | str]]:
-        """Yield every player's name, score and setting, if it has one."""
-        yield "tuned CFL", self.rule, ""
-        if self.static is not None:
-            yield "best static", self.static, self.setting or ""
-        yield "oracle", self.oracle, ""
-        yield from ((player, score, "") for player, score in self.others.items())
+        By default all but the rule: the best known.
+        """
+        chosen = (STATIC, *players) if players else self.scores.keys() - {RULE}
+        return max(score.reward for name, score in self.scores.items() if name in chosen)
 
 
 def frozen(control: str) -> str:
@@ -143,133 +129,114 @@ def frozen(control: str) -> str:
 def measure(quick: bool, folder: Path, backend: Backend = LOCAL) -> Iterator[Row]:
     """Yield rows of every scene, with a progress bar; quick: one instance of two scenes, coarsely.
 
-    Finished runs are kept in the folder, and all scores written there, instance by instance.
+    Finished runs are kept in the folder, and all scores written there.
     Raises ImportError that names the extra to install.
     """
-    plan = QUICK if quick else FULL
-    play_ahead(plan, folder, backend)
-    found: dict[str, list[Contest]] = {}
-    with progress_bar(len(plan.scenes) * plan.n_instances, unit="instance") as bar:
-        for scene in plan.scenes:
-            bar.set_description(scene)
-            found[scene] = []
-            for number in range(plan.n_instances):
-                found[scene].append(contest(plan, scene, number, folder))
-                write_instances(found, folder / _file("headroom_quick" if quick else "headroom"))
-                bar.update()
-            yield from rows(scene, found[scene])
+    plan, store = QUICK if quick else FULL, episodes.results(folder)
+    play_all(plan, store, backend)
+    found = {
+        scene: [contest(plan, scene, number, store) for number in range(plan.n_instances)]
+        for scene in plan.scenes
+    }
+    write_instances(found, folder / _file("headroom_quick" if quick else "headroom"))
+    for scene, contests in found.items():
+        yield from rows(scene, contests)
     yield from summary(plan, found)
-    yield from _rule_rows(plan, folder)
-    yield from _control_rows(plan, folder)
+    yield from _rule_rows(plan, store)
+    tables = {
+        scene: [controls.table(_id(scene, k), plan.settings, store) for k in range(plan.held)]
+        for scene in plan.games
+    }
+    yield from controls.rows(tables, plan.settings)
     yield from honesty.measure_references(plan.games, plan.honest, folder)
 
 
-def _rule_rows(plan: HeadroomPlan, folder: Path) -> Iterator[Row]:
+def _rule_rows(plan: HeadroomPlan, store: Results) -> Iterator[Row]:
     """Yield on how many validation instances of a scene the rule keeps within tolerance."""
-    store, n = episodes.results(folder), instances.SIZES["val"]
+    n = instances.SIZES["val"]
     for scene in plan.games:
-        scores = []
-        for number in progress(range(n), f"{scene}: rule", "episode"):
-            play = partial(run, scene, _id(scene, number), tuned_cfl)
-            scores.append(Score(*store.get(["rule", _id(scene, number)], play)))
+        scores = [Score(*store.load(["rule", _id(scene, number)])) for number in range(n)]
         within = float(sum(score.within for score in scores))
         quantity = f"tuned CFL within tolerance, of {n} instances"
         yield Row(quantity, scene, within, "instances", n, at_least=True)
-        yield Row(
-            "tuned CFL, most beyond", scene, 100 * max(s.beyond for s in scores), "% of steps"
-        )
+        most = 100 * max(score.beyond for score in scores)
+        yield Row("tuned CFL, most beyond", scene, most, "% of steps")
 
 
-def _control_rows(plan: HeadroomPlan, folder: Path) -> Iterator[Row]:
-    """Yield what the controls are worth as constants."""
-    found: dict[str, list[controls.Table]] = {scene: [] for scene in plan.games}
-    games = [(scene, number) for number in range(plan.held) for scene in plan.games]
-    for scene, number in progress(games, "controls held fixed", "instance"):
-        found[scene].append(controls.play(scene, number, plan.settings, folder))
-    yield from controls.rows(found, plan.settings)
+def play_all(plan: HeadroomPlan, store: Results, backend: Backend) -> None:
+    """Play all that the rows need, side by side on a backend."""
 
+    def run_missing(keys: list[Key], title: str) -> None:
+        run_jobs(play, [(key,) for key in keys], keys, store, title, backend)
 
-def play_ahead(plan: HeadroomPlan, folder: Path, backend: Backend) -> None:
-    """Play all that `contest` and the rows need, side by side on a backend."""
-    store = episodes.results(folder)
     games = [(scene, number) for scene in plan.scenes for number in range(plan.n_instances)]
     rules = [(scene, number) for scene in plan.games for number in range(instances.SIZES["val"])]
-    keys = [key for game in games for key in _first_keys(plan, *game)]
+    keys = [key for game in games for key in _first_keys(plan, *game).values()]
     keys += [key for game in rules if (key := ["rule", _id(*game)]) not in keys]
-    run_jobs(play, [(key,) for key in keys], keys, store, "episodes", backend)
-    keys = [key for game in games for key in _frozen_keys(plan, *game, store)]
-    run_jobs(play, [(key,) for key in keys], keys, store, "controls frozen", backend)
+    run_missing(keys, "episodes")
+    keys = [key for game in games for key in _frozen_keys(plan, *game, store).values()]
+    run_missing(keys, "controls frozen")
     held = [_id(scene, number) for number in range(plan.held) for scene in plan.games]
     keys = [["controls", instance, plan.settings] for instance in held]
-    jobs = [(instance, plan.settings) for instance in held]
-    run_jobs(controls.play_settings, jobs, keys, store, "controls held fixed", backend)
+    run_missing(keys, "controls held fixed")
 
 
-def play(key: list[Any]) -> Any:
-    """Return what a player does on an instance: its score, or the best static setting with its own.
+def play(key: Key) -> Any:
+    """Return what a player does on an instance, as JSON can hold it.
 
-    key: player, instance, and what else decides it, as results are kept by it.
+    That is its score; of "static", the setting as well; of "controls", the rewards of a grid. None
+    if there is no static setting.
     """
     player, instance, *settings = key
     scene = instance.split("/")[0]
     if player == "static":
         return best_static(scene, instance, *settings)
+    if player == "controls":
+        return controls.play_settings(instance, *settings)
     if player == "rule":
         return run(scene, instance, tuned_cfl)
     search, *fixed = settings
-    return run(scene, instance, Oracle(search, dict([fixed]) if fixed else None))
+    return run(scene, instance, Oracle(search, {fixed[0]: fixed[1]} if fixed else None))
 
 
 def _is_ablated(plan: HeadroomPlan, scene: str, number: int) -> bool:
     return number < plan.ablated and scene not in instances.DIAGNOSTIC
 
 
-def _first_keys(plan: HeadroomPlan, scene: str, number: int) -> Iterator[list[Any]]:
-    """Yield the keys of what can be played at once."""
+def _first_keys(plan: HeadroomPlan, scene: str, number: int) -> dict[str, Key]:
+    """Return the keys of what can be played at once, by player."""
     instance = _id(scene, number)
-    yield ["rule", instance]
-    yield ["static", instance, plan.grid]
-    yield ["oracle", instance, plan.search]
+    keys: dict[str, Key] = {
+        RULE: ["rule", instance],
+        STATIC: ["static", instance, plan.grid],
+        ORACLE: ["oracle", instance, plan.search],
+    }
     if _is_ablated(plan, scene, number):
-        yield ["oracle", instance, plan.second]
-        yield ["frozen", instance, plan.search, XSPH_AXIS, XSPH_OFF]
+        keys[ELSEWHERE] = ["oracle", instance, plan.second]
+        keys[UNSMOOTHED] = ["frozen", instance, plan.search, XSPH_AXIS, XSPH_OFF]
+    return keys
 
 
-def _frozen_keys(
-    plan: HeadroomPlan, scene: str, number: int, store: Results
-) -> Iterator[list[Any]]:
-    """Yield the keys of the oracles with a control frozen at its best static value."""
+def _frozen_keys(plan: HeadroomPlan, scene: str, number: int, store: Results) -> dict[str, Key]:
+    """Return the keys of the oracles with a control frozen at its best static value."""
     instance = _id(scene, number)
     best = store.load(["static", instance, plan.grid])
-    if best is not None and _is_ablated(plan, scene, number):
-        yield from (
-            ["frozen", instance, plan.search, axis, value] for axis, value in enumerate(best[0])
-        )
-
-
-def contest(plan: HeadroomPlan, scene: str, number: int, folder: Path) -> Contest:
-    """Let all players play one validation instance."""
-    instance, search = _id(scene, number), plan.search
-    store = episodes.results(folder)
-
-    def get(*key: Any) -> Any:
-        return store.get(list(key), partial(play, list(key)))
-
-    def score(player: str, *settings: Any) -> Score:
-        return Score(*get(player, instance, *settings))
-
-    best = get("static", instance, plan.grid)
-    setting, static = (None, None) if best is None else (tuple(best[0]), Score(*best[1]))
-    found = Contest(score("rule"), static, setting, score("oracle", search))
-    if setting is None or not _is_ablated(plan, scene, number):
-        return found
-    others = {
-        frozen(CONTROLS[axis]): score("frozen", search, axis, value)
-        for axis, value in enumerate(setting)
+    if best is None or not _is_ablated(plan, scene, number):
+        return {}
+    return {
+        frozen(control): ["frozen", instance, plan.search, axis, value]
+        for axis, (control, value) in enumerate(zip(CONTROLS, best[0], strict=True))
     }
-    others[ELSEWHERE] = score("oracle", plan.second)
-    others[UNSMOOTHED] = score("frozen", search, XSPH_AXIS, XSPH_OFF)
-    return found._replace(others=others)
+
+
+def contest(plan: HeadroomPlan, scene: str, number: int, store: Results) -> Contest:
+    """Return what all players did on a validation instance."""
+    first, ablation = _first_keys(plan, scene, number), _frozen_keys(plan, scene, number, store)
+    players = (*PLAYERS, *ablation, *((ELSEWHERE, UNSMOOTHED) if ablation else ()))
+    found = {player: store.load((first | ablation)[player]) for player in players}
+    setting, found[STATIC] = found[STATIC] or (None, None)
+    scores = {player: Score(*each) for player, each in found.items() if each is not None}
+    return Contest(scores, setting and tuple(setting))
 
 
 def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
@@ -278,7 +245,8 @@ def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
     for scene, contests in found.items():
         for number, one in enumerate(contests):
             gain = one.headroom if math.isfinite(one.headroom) else ""
-            for player, score, setting in one.scores():
+            for player, score in one.scores.items():
+                setting = one.setting if player == STATIC else ""
                 about = (_id(scene, number), label(scene, contests), player)
                 table.append([*about, *score, score.within, setting, gain])
     write_csv(path, COLUMNS, table)
@@ -330,8 +298,8 @@ def label(scene: str, contests: list[Contest]) -> str:
 def rows(scene: str, contests: list[Contest]) -> Iterator[Row]:
     """Yield work, rewards and errors of a scene, means over instances, and its headroom."""
     case, of_all = f"{scene}, {label(scene, contests)}", f"of {len(contests)} instances"
-    for name, title in PLAYERS.items():
-        runs = [one for one in (getattr(each, name) for each in contests) if one is not None]
+    for title in PLAYERS:
+        runs = [one.scores[title] for one in contests if title in one.scores]
         if runs:
             yield from _means(title, case, runs)
         within = float(sum(one.within for one in runs))
@@ -339,8 +307,8 @@ def rows(scene: str, contests: list[Contest]) -> Iterator[Row]:
     yield from _headrooms(scene, contests, case, of_all)
     for name, loss in losses(contests).items():
         yield Row(f"reward lost without {name}", case, loss, "")
-    tried = [one for one in contests if UNSMOOTHED in one.others]
-    off = [one.best_reward - one.others[UNSMOOTHED].reward for one in tried]
+    tried = [one for one in contests if UNSMOOTHED in one.scores]
+    off = [one.best_reward() - one.scores[UNSMOOTHED].reward for one in tried]
     if off:
         yield Row("reward lost with an epsilon of 0", case, float(np.mean(off)), "")
 
@@ -393,10 +361,11 @@ def losses(contests: list[Contest]) -> dict[str, float]:
     players = {**{name: frozen(name) for name in CONTROLS}, NOISE_FLOOR: ELSEWHERE}
     lost = {}
     for name, player in players.items():
-        tried = [one for one in contests if player in one.others]
-        rewards = [max(one.others[player].reward, one.static_reward) for one in tried]
+        tried = [one for one in contests if player in one.scores]
         if tried:
-            lost[name] = float(np.mean([one.best_reward for one in tried] - np.array(rewards)))
+            lost[name] = float(
+                np.mean([one.best_reward() - one.best_reward(player) for one in tried])
+            )
     return lost
 
 

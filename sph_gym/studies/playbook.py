@@ -43,41 +43,33 @@ class Half(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """Two solvers side by side; color: gives the particles their numbers, label: names them."""
+    """Two solvers side by side; shown: of QUANTITIES, limits: the ends of its colours."""
 
     name: str
     sound: Half
     sick: Half
-    color: Callable[[Any], Array]
-    label: str
+    shown: str
     limits: tuple[float, float]
 
 
-def speed(solver: Any) -> Array:
-    """Return speeds (n,) [m/s]."""
-    return np.asarray(np.linalg.norm(solver.v, axis=1))
-
-
-def motion(solver: Any) -> Array:
-    """Return the speeds (n,) [m/s] with which particles are moved: XSPH included."""
-    return np.asarray(np.linalg.norm(solver.v + solver.xsph(), axis=1))
-
-
-def relative_density(solver: Any) -> Array:
-    """Return rho / rho0 (n,)."""
-    return np.asarray(solver.rho / solver.case.rho0)
-
-
-def n_neighbors(solver: Any) -> Array:
-    """Return the numbers of neighbours (n,)."""
-    return np.array([len(solver.neighbors(i)) for i in range(len(solver.x))], dtype=float)
-
-
-def nearest(solver: Any) -> Array:
+def _nearest(solver: Any) -> Array:
     """Return the distances (n,) to the nearest neighbour, in spacings."""
     apart = np.linalg.norm(solver.x[:, None] - solver.x[None], axis=2)
     np.fill_diagonal(apart, np.inf)
     return np.asarray(apart.min(axis=1) / solver.case.dx)
+
+
+# What the colour of a particle can tell: a solver to one number for each of them, by the label.
+QUANTITIES: dict[str, Callable[[Any], Any]] = {
+    "speed [m/s]": lambda solver: np.linalg.norm(solver.v, axis=1),
+    # with which particles are moved: XSPH included
+    "speed of the motion [m/s]": lambda solver: np.linalg.norm(solver.v + solver.xsph(), axis=1),
+    "density / rest density": lambda solver: solver.rho / solver.case.rho0,
+    "neighbours": lambda solver: np.array(
+        [len(solver.neighbors(i)) for i in range(len(solver.x))], dtype=float
+    ),
+    "nearest neighbour [dx]": _nearest,
+}
 
 
 def pictures() -> list[Picture]:
@@ -89,31 +81,39 @@ def pictures() -> list[Picture]:
     fine = Half("every pair is found", plain.make, case(disorder))
     squeezed = Half("settles", plain.make, blob, seconds=0.06)
     stays = Half("with max(0, p)", plain.make, calm, seconds=0.1)
-    parted = Half("spiky gradient", plain.make, _full(), 0.1, 0.15)
-    falls = Half("dt = 0.2 h/c0", plain.make, _dam(), 0.2, 0.25)
+    # a tank that is a tenth too full
+    crowd, side = cloud(np.random.default_rng(2), 15, 15, 0.9 * DX, 0.25), 7.5 * 0.9 * DX
+    full = case(crowd, box=(-side, side, -side, side), viscosity=0.05)
+    parted = Half("spiky gradient", plain.make, full, 0.1, 0.15)
+    column, tank = lattice(12, 20, center=(6 * DX, 10 * DX)), (0.0, 40 * DX, 0.0, 30 * DX)
+    dam = case(column, gravity=(0.0, -9.81), box=tank, h=2.2 * DX)
+    falls = Half("dt = 0.2 h/c0", plain.make, dam, 0.2, 0.25)
     smooth = Half("epsilon = 0.5", plain.make, _noisy(0.5))
-    thrown = Half("reflected", plain.make, _thrown(), 0.2, 0.05)
+    # at a wall with 0.3 of the speed of sound
+    block = case(lattice(8, 8), (0.3 * C0, 0.0), box=(-10 * DX, 8 * DX, -8 * DX, 8 * DX))
+    thrown = Half("reflected", plain.make, block, 0.2, 0.05)
+    nearest, speed = "nearest neighbour [dx]", "speed [m/s]"
     return [
         Picture("neighbours", fine, _ill(fine, "cells begin at 0", "negative_cells"),
-                n_neighbors, "neighbours", (0, 30)),
+                "neighbours", (0, 30)),
         Picture("blob", squeezed, _ill(squeezed, "the gradient has the wrong sign", "attracts"),
-                speed, "speed [m/s]", (0, 2)),
+                speed, (0, 2)),
         Picture("density", fine._replace(title="with m W(0, h)"),
                 _ill(fine, "without a particle's own share", "no_own_share"),
-                relative_density, "density / rest density", (0.5, 1.1)),
+                "density / rest density", (0.5, 1.1)),
         Picture("clamp", stays, _ill(stays, "suction at the surface", "no_clamp"),
-                nearest, "nearest neighbour [dx]", (0.2, 1.0)),
+                nearest, (0.2, 1.0)),
         Picture("pairing", parted, _ill(parted, "poly6 gradient", "poly6_gradient"),
-                nearest, "nearest neighbour [dx]", (0.2, 1.0)),
+                nearest, (0.2, 1.0)),
         Picture("time_step", falls, falls._replace(title="dt = 1.1 h/c0", courant=1.1),
-                speed, "speed [m/s]", (0, 4)),
+                speed, (0, 4)),
         Picture("xsph", smooth, smooth._replace(title="epsilon = 0", case=_noisy(0.0)),
-                motion, "speed of the motion [m/s]", (0, 1)),
+                "speed of the motion [m/s]", (0, 1)),
         Picture("walls", thrown, _ill(thrown, "too fast for thin walls", "thin_walls"),
-                speed, "speed [m/s]", (0, 6)),
+                speed, (0, 6)),
         Picture("jelly", falls._replace(title="no viscosity", seconds=0.35),
                 _ill(falls._replace(seconds=0.35, courant=0.05), "damped twice and more", "jelly"),
-                speed, "speed [m/s]", (0, 3)),
+                speed, (0, 3)),
     ]  # fmt: skip
 
 
@@ -125,25 +125,6 @@ def _noisy(xsph: float) -> Case:
     """Return a blob of the rest spacing whose particles have velocities of their own."""
     v = np.random.default_rng(3).normal(0.0, 0.4, (225, 2))
     return case(lattice(15, 15), v, xsph=xsph)
-
-
-def _dam() -> Case:
-    """Return a column of water at the left wall of a tank."""
-    x = lattice(12, 20, center=(6 * DX, 10 * DX))
-    box = (0.0, 40 * DX, 0.0, 30 * DX)
-    return case(x, gravity=(0.0, -9.81), box=box, h=2.2 * DX)
-
-
-def _full() -> Case:
-    """Return a tank that is a tenth too full, of particles in disorder."""
-    x = cloud(np.random.default_rng(2), 15, 15, 0.9 * DX, 0.25)
-    side = 7.5 * 0.9 * DX
-    return case(x, box=(-side, side, -side, side), viscosity=0.05)
-
-
-def _thrown() -> Case:
-    """Return a block that flies at a wall with 0.3 of the speed of sound."""
-    return case(lattice(8, 8), v=(0.3 * C0, 0.0), box=(-10 * DX, 8 * DX, -8 * DX, 8 * DX))
 
 
 def draw(folder: Path) -> list[Path]:
@@ -165,12 +146,12 @@ def _draw(picture: Picture, path: Path) -> Path:
         finite = np.isfinite(solver.x).all(axis=1)
         x = solver.x[finite]
         low, high = picture.limits
-        dots = axes.scatter(*x.T, c=picture.color(solver)[finite], s=14, cmap=COLORS, vmin=low,
-                            vmax=high, linewidths=0)  # fmt: skip
+        shown = QUANTITIES[picture.shown](solver)[finite]
+        dots = axes.scatter(*x.T, c=shown, s=14, cmap=COLORS, vmin=low, vmax=high, linewidths=0)
         _frame(axes, half.case, x)
         lost = f", {int((~finite).sum())} particles are NaN" if not finite.all() else ""
         axes.set_title(f"{kind}: {half.title}{lost}", fontsize=10)
-    figure.colorbar(dots, ax=panels, label=picture.label, shrink=0.85)
+    figure.colorbar(dots, ax=panels, label=picture.shown, shrink=0.85)
     return save(figure, path, dpi=100)
 
 

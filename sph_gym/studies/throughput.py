@@ -7,7 +7,8 @@ the wall clock.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -19,12 +20,17 @@ from numpy.typing import NDArray
 from sph_gym import scenes
 from sph_gym.solver import teams
 from sph_gym.solver.batch import advance_all
+from sph_gym.solver.boundary import compute_wall_density
+from sph_gym.solver.density import compute_fluid_density
+from sph_gym.solver.integrators import move
+from sph_gym.solver.jit import jit
 from sph_gym.solver.model import with_controls
+from sph_gym.solver.neighbors import read_grid, sort_into_cells
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import DTYPES, Simulation
-from sph_gym.studies import drawing, environments, picture, startup, variants
+from sph_gym.studies import environments, startup, variants
 from sph_gym.studies.peers import NAME, SCRIPT, Peers, compare
-from sph_gym.studies.phases import PHASES
+from sph_gym.studies.picture import new_figure, save
 from sph_gym.studies.table import Part, Row, measure_parts
 from sph_gym.timing import (
     WARM_UP,
@@ -36,6 +42,7 @@ from sph_gym.timing import (
     pinned,
     same_home,
 )
+from sph_gym.view import Painter, Window
 
 # Bounds: two threads against one, where there is work for two; the cost of a particle at 100k
 # and at 1k against 5k; the speed of many small fluids [M particle-steps/s].
@@ -44,14 +51,17 @@ LARGE, SMALL = 1.15, 1.2
 BATCH = 34.0
 RATE = "M particle-steps/s"
 UNIT = "ns/fluid particle"
-# Pictures of each kind that are painted.
-PICTURES = 300
+# Pictures a second of an environment, frames a second of the window, and how long one waits there
+# for the numbers of a particle that was picked [ms].
+PICTURES, FRAMES, WAIT = 150.0, 60.0, 50.0
+PIXELS = (640, 480)
 
 
 class ThroughputPlan(NamedTuple):
     """Sizes in fluid particles, repetitions, and how many fluids at once.
 
-    reference: the size that others are compared with; work: particle-steps of one timed call.
+    reference: the size that others are compared with; work: particle-steps of one timed call;
+    pictures: of each kind that are painted.
     """
 
     sizes: tuple[int, ...] = (1000, 5000, 20_000, 100_000)
@@ -61,6 +71,7 @@ class ThroughputPlan(NamedTuple):
     batch_size: int = 500
     reference: int = 5000
     work: int = 400_000
+    pictures: int = 300
     agents: environments.EnvironmentPlan = environments.EnvironmentPlan()
 
 
@@ -104,8 +115,7 @@ def parts(plan: ThroughputPlan, peers: Peers | None = None) -> list[Part]:
     for scene in plan.agents.spacings:
         rows = partial(environments.measure, plan.agents, *scene)
         found.append((f"environments, {scene[0]}", rows))
-    shown = dam_break(min(plan.sizes)), dam_break(plan.reference)
-    found.append(("pictures", partial(drawing.measure, *shown, PICTURES)))
+    found.append(("pictures", partial(pictures, plan)))
     found.append(("compiling", startup.compiling))
     if peers is not None:
         sizes = [n for n in plan.sizes if n >= plan.reference]
@@ -153,23 +163,6 @@ def _processor_time(runners: list[Runner], rounds: int) -> NDArray[np.float64]:
     return in_turns([partial(runner.seconds, clock) for runner in runners], rounds)
 
 
-def by_phase(plan: ThroughputPlan, n: int, dtype: str) -> Iterator[Row]:
-    """Yield the parts of a step on one thread."""
-    sim = Runner(dam_break(n), dtype).sim
-    repeats, clock = max(plan.work // n // 4, 2), own_clock()
-    model, _ = with_controls(sim.engine.model, sim.engine.controls[0])
-    arguments = sim.engine.world, model, DTYPES[dtype](0.0), repeats
-
-    def seconds(phase: Callable[..., None]) -> float:
-        with pinned():
-            return clocked(lambda: phase(*arguments), clock) / repeats
-
-    runs = [partial(seconds, phase) for phase in PHASES.values()]
-    in_turns(runs, 1)
-    for name, times in zip(PHASES, in_turns(runs, plan.rounds).T, strict=True):
-        yield Row(f"phase: {name}", f"{n}, {dtype}", nanoseconds(times, sim.n_fluid), UNIT)
-
-
 def many(plan: ThroughputPlan, dtype: str) -> Iterator[Row]:
     """Yield the speed of many small fluids that are advanced together."""
     threads = min(2, teams.most_threads())
@@ -211,6 +204,160 @@ def by_peer(plan: ThroughputPlan, peers: Peers, n: int, dtype: str) -> Iterator[
     return compare(peers, runner, case(n, dtype), n, dtype, plan.peer_rounds)
 
 
-def finish(rows: list[Row], path: Path) -> None:
-    """Draw the throughput over the size."""
-    print(f"plot: {picture.draw(rows, path)}")
+# --- Phases ---------------------------------------------------------------------------------
+
+# Each is repeated within one compiled call, since a call from Python takes as long as a phase of a
+# small fluid. Every phase leaves what the next one needs, as it does within a step.
+
+
+@jit
+def sort(world, model, standstill, repeats):
+    """Sort particles into the order of their cells."""
+    cells = world.cells
+    for _ in range(repeats):
+        sort_into_cells(0, 1, world.team, world.spare, cells.fluid, world.sorting, cells.start)
+
+
+@jit
+def wall_density(world, model, standstill, repeats):
+    """Compute density and pressure of wall particles."""
+    for _ in range(repeats):
+        grid = read_grid(world.sorting.frame)
+        compute_wall_density(world.cells.walls, 0, 1, world.cells, model, grid)
+
+
+@jit
+def fluid_density(world, model, standstill, repeats):
+    """Compute neighbour lists, density and pressure of the fluid."""
+    n = world.cells.fluid.id.size
+    for _ in range(repeats):
+        grid = read_grid(world.sorting.frame)
+        compute_fluid_density(0, 1, 0, n, world.cells, model, grid, standstill)
+
+
+@jit
+def force(world, model, standstill, repeats):
+    """Integrate by a time step `standstill`, which is 0 in the precision of the particles."""
+    n = world.cells.fluid.id.size
+    for _ in range(repeats):
+        move(model.integrator, 0, 0, n, world.cells, world.spare, model, 0.0, standstill)
+
+
+# In the order of a step.
+PHASES = {
+    "sort": sort,
+    "wall density": wall_density,
+    "lists, fluid density": fluid_density,
+    "force, integration": force,
+}
+
+
+def by_phase(plan: ThroughputPlan, n: int, dtype: str) -> Iterator[Row]:
+    """Yield the parts of a step on one thread."""
+    sim = Runner(dam_break(n), dtype).sim
+    repeats, clock = max(plan.work // n // 4, 2), own_clock()
+    model, _ = with_controls(sim.engine.model, sim.engine.controls[0])
+    arguments = sim.engine.world, model, DTYPES[dtype](0.0), repeats
+
+    def seconds(phase: Callable[..., None]) -> float:
+        with pinned():
+            return clocked(lambda: phase(*arguments), clock) / repeats
+
+    runs = [partial(seconds, phase) for phase in PHASES.values()]
+    in_turns(runs, 1)
+    for name, times in zip(PHASES, in_turns(runs, plan.rounds).T, strict=True):
+        yield Row(f"phase: {name}", f"{n}, {dtype}", nanoseconds(times, sim.n_fluid), UNIT)
+
+
+# --- Pictures -------------------------------------------------------------------------------
+
+
+def pictures(plan: ThroughputPlan) -> Iterator[Row]:
+    """Yield times of pictures of an environment, and of frames of the window, without a screen.
+
+    The clock is the processor time of this thread, since a window waits between frames.
+    """
+    clock, rounds = own_clock(), plan.pictures
+    sim = Simulation(dam_break(min(plan.sizes)), threads=1)
+    began = clock()
+    painter = Painter(sim.scene, PIXELS)
+    painter.paint(sim)
+    first = clock() - began
+    times = [clocked(lambda: painter.paint(sim), clock) for _ in range(rounds)]
+    size = f"{sim.n_fluid} fluid particles"
+    yield Row("first picture", size, 1e3 * first, "ms")
+    rate = rounds / (first + sum(times))
+    yield Row("pictures, the first one included", size, rate, "1/s", PICTURES, at_least=True)
+    # a study opens no window on the screen
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    sim = Simulation(dam_break(plan.reference), threads=1)
+    size, window = f"{sim.n_fluid} fluid particles", Window(sim.scene)
+    free = _frame_time(window, sim, rounds)
+    window.picked = 0
+    picked = _frame_time(window, sim, rounds)
+    window.close()
+    yield Row("frames of the window", size, 1 / free, "1/s", FRAMES, at_least=True)
+    yield Row("frame with the numbers of a picked particle", size, 1e3 * picked, "ms", WAIT)
+
+
+def _frame_time(window: Window, sim: Simulation, rounds: int) -> float:
+    """Return the median time that a frame of the window takes [s]."""
+    clock, times = own_clock(), []
+    for _ in range(rounds):
+        sim.advance(sim.controls.dt)
+        times.append(clocked(lambda: window.show(sim), clock))
+    return float(np.median(times))
+
+
+# --- Plot -----------------------------------------------------------------------------------
+
+# Colours of M. Okabe and K. Ito, which colour-blind eyes tell apart; markers, filled or not, and
+# line styles do the same in grey. Precision is colour and marker, threads are the line.
+STYLES = {
+    "float64": {"color": "#0072B2", "marker": "o"},
+    "float32": {"color": "#D55E00", "marker": "s"},
+}
+# Line style and label by quantity and threads.
+KINDS = {
+    ("throughput", "1 thread"): ("-", "1 thread"),
+    ("throughput", "2 threads"): ("--", "2 threads"),
+    (f"throughput of {NAME}", "1 thread"): (":", f"{NAME}, 1 thread"),
+}
+
+
+def curve(rows: Sequence[Row], quantity: str, ending: str) -> list[tuple[int, float]]:
+    """Return particles and speed of the rows of a quantity whose case has an ending."""
+    return [
+        (int(row.case.removesuffix(ending)), row.value)
+        for row in rows
+        if row.quantity == quantity and row.case.endswith(ending)
+    ]
+
+
+def finish(rows: Sequence[Row], path: Path) -> None:
+    """Draw the throughput over the number of particles.
+
+    Raises ImportError that names the extra to install.
+    """
+    figure = new_figure(8, 5)
+    from matplotlib.ticker import NullLocator, StrMethodFormatter
+
+    axes, sizes = figure.add_subplot(), set[int]()
+    for ((quantity, threads), (line, label)), dtype in product(KINDS.items(), STYLES):
+        points = curve(rows, quantity, f", {dtype}, {threads}")
+        if points:
+            look = STYLES[dtype] | {"label": f"{dtype}, {label}"}
+            face = look["color"] if line == "-" else "white"
+            axes.plot(*zip(*points, strict=True), line, mfc=face, **look)
+            sizes |= {n for n, _ in points}
+    axes.set_xscale("log")
+    axes.set_xticks(sorted(sizes))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_ylim(bottom=0)
+    axes.set(xlabel="fluid particles", ylabel="throughput [million particle-steps/s]")
+    axes.set_title("Dam break with about 20 neighbours, fluid and wall particles counted")
+    axes.grid(alpha=0.3)
+    if sizes:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    print(f"plot: {save(figure, path)}")

@@ -403,10 +403,36 @@ def test_a_learner_has_a_network_of_each_training_and_may_have_one_of_each_famil
     assert len(many.networks) == len(GAMES)
 
 
+def test_networks_that_would_be_listed_by_the_same_name_are_refused(tmp_path):
+    paths = [tmp_path / folder / "seed0" / "network.npz" for folder in ("first", "second")]
+    for k, path in enumerate(paths):
+        path.parent.mkdir(parents=True)
+        tiny(seed=k).save(path)
+    with pytest.raises(ValueError, match="networks: expected files that differ in their names"):
+        entries.learner("ppo-mine", tuple(map(str, paths)), GAMES)
+
+
+def test_what_is_asked_for_twice_is_played_once(tmp_path, played):
+    twice = {"agents": ("cfl", "cfl"), "families": (GAMES[0], GAMES[0]), "splits": ("test", "test")}
+    (path,) = leaderboard.play(args(tmp_path, **twice, n_instances=1))
+    assert len(played) == len(entries.read(path).runs) == 1
+    leaderboard.play(args(tmp_path, **twice, n_instances=1, finer=(2, 2)))
+    assert len(played) == 2
+
+
+def test_a_learner_has_seen_the_same_families_in_all_runs_of_its_file(tmp_path, played):
+    tiny().save(tmp_path / "network.npz")
+    mine = {"learner": "ppo-mine", "networks": (str(tmp_path / "network.npz"),)}
+    (path,) = leaderboard.play(args(tmp_path, **mine, trained_on=GAMES[1:]))
+    with pytest.raises(ValueError, match="drop: ppo-mine: other families in training"):
+        leaderboard.play(args(tmp_path, **mine, n_instances=1))
+    assert entries.read(path).about["trained_on"] == list(GAMES[1:])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"agents": ("nobody",)}, "agent: expected one of"),
+        ({"agents": ("nobody",)}, "agents: expected one of"),
         ({"agents": ("ppo",)}, "ppo needs networks"),
         ({"networks": ("x.npz",)}, "networks: expected none without --learner"),
         ({"agents": ("tpe",)}, "table: expected a file of settings for tpe, got None"),

@@ -9,7 +9,7 @@ from stable_baselines3 import PPO
 
 from agents import ppo_warm, training
 from agents.exports import plain_network
-from agents.imitation import perceptron
+from agents.imitation import ImitationArgs, perceptron
 from agents.ppo import export
 from agents.ppo_warm import Hold, WarmArgs, begin_with
 from sph_gym.env.stable_baselines import TuningVecEnv
@@ -87,6 +87,14 @@ def test_the_imitation_learns_the_same_kind_of_actions(monkeypatch, table, mode)
     with pytest.raises(Enough):
         ppo_warm.train(WarmArgs(seed=3))
     assert seeds == [3]
+
+
+def test_the_imitation_leaves_that_of_its_user_alone(monkeypatch):
+    folders = []
+    monkeypatch.setattr(ppo_warm.imitation, "train", lambda args: folders.append(args.folder))
+    ppo_warm.imitate(WarmArgs(seed=3), "stable")
+    assert folders != [ImitationArgs(teacher="adaptive", seed=3).folder]
+    assert ImitationArgs().folder != ImitationArgs(teacher="adaptive").folder
 
 
 def test_the_trainings_of_a_study_begin_with_one_network(monkeypatch, envs, tmp_path):

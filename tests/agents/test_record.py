@@ -23,3 +23,18 @@ def test_the_help_names_all_sets_of_instances(kind, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         parse(kind, "", ["--help"])
     assert f"{', '.join(list(SIZES)[:-1])} or {list(SIZES)[-1]}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"episodes": 0}, "episodes: "),
+        ({"agent": "nobody"}, "agent: "),
+        ({"seed": -1}, "seed: "),
+        ({"agent": "tpe"}, "settings: expected three numbers for tpe, got None"),
+        ({"settings": (0.5, 0.5, 0.3)}, "settings: expected none for tuned_cfl"),
+    ],
+)
+def test_wrong_arguments_are_named(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        RecordingArgs("relaxation/x-v1", scene="relaxation", **wrong)

@@ -163,6 +163,48 @@ def test_what_an_id_does_not_name_comes_from_default(table):
     assert training.hyperparameters("ppo", "relaxation") == default
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "hyperparams: expected entries like those of .*ppo.yml, got .*mine.yml"),
+        ("gamma: 0.9", "hyperparams: expected entries like .*'default'"),
+        ("default: [1", "hyperparams: expected entries like"),
+        ("default: 3", "hyperparams: expected entries like"),
+        (
+            "default: {env: {action_mode: stable}, learning_rate: 7e-4}",
+            "hyperparams: expected a number for learning_rate in .*mine.yml, got '7e-4'",
+        ),
+    ],
+)
+def test_a_file_without_entries_is_refused(tmp_path, text, message):
+    path = tmp_path / "mine.yml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        training.hyperparameters("ppo", "dam_break", path)
+
+
+def test_trainings_with_other_hyperparameters_have_names_of_their_own(tmp_path):
+    found = []
+    for name in ("mine.yml", "ppo-mine.yml"):
+        (tmp_path / name).write_text("default: {env: {action_mode: stable}}")
+        args = training.TrainingArgs(output=tmp_path, hyperparams=tmp_path / name)
+        found.append(training.Training("ppo", args, export=None).folder.name)
+    assert found == ["ppo-mine_dam_break_seed0"] * 2
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.filterwarnings("ignore:rich is experimental")
+def test_a_new_training_leaves_no_checkpoint_of_the_one_before(tmp_path, small):
+    args = training.TrainingArgs(
+        "relaxation", steps=32, n_envs=1, output=tmp_path, evaluate_every=64, n_evaluations=1
+    )
+    old = tmp_path / "ppo_relaxation_seed0" / "checkpoints" / "ppo_900000_steps.zip"
+    old.parent.mkdir(parents=True)
+    old.touch()
+    ppo.train(args)
+    assert not old.exists()
+
+
 @pytest.mark.parametrize("env", [{"env": {"action_mode": "stabel"}}, {"action_mode": "stabel"}, {}])
 def test_an_unknown_kind_of_actions_is_refused(table, env):
     table("ppo", default={"gamma": 0.9} | env)
@@ -219,6 +261,7 @@ def test_the_last_batch_does_not_undo_what_was_learned():
     [
         ({"steps": 0}, "steps: "),
         ({"n_envs": 0}, "n_envs: "),
+        ({"seed": -1}, "seed: "),
         ({"evaluate_every": 0}, "evaluate_every: "),
         ({"n_evaluations": 17}, "n_evaluations: expected 1 to 16, got 17"),
         ({"scene": "nope"}, "scene: "),
@@ -232,8 +275,7 @@ def test_wrong_arguments_are_named_before_anything_is_played(wrong, message):
 def test_the_commands_of_cards_are_understood():
     for name in names():
         program, *words = load(name).card["command"].split("python -m agents.")[1].split()
-        assert program == "ppo_warm"
-        args = parse(WarmArgs, None, words)
+        args = parse({"ppo_warm": WarmArgs}.get(program, training.TrainingArgs), None, words)
         found = training.Training(program, args, ppo.export)
         assert found.action_mode == load(name).network.action.partition(" ")[0]
 

@@ -79,6 +79,36 @@ def test_present_settings_are_within_what_is_tried(tmp_path, algorithm):
     assert trial.params.keys() == space.keys()
 
 
+@pytest.mark.parametrize(
+    "other", [{"steps": 5}, {"n_envs": 3}, {"evaluate_every": 5}, {"n_evaluations": 1}]
+)
+def test_trainings_of_a_study_can_be_compared(tmp_path, trainings, other):
+    args = TuneArgs(trials=1, output=tmp_path)
+    tune.tune(args)
+    [name] = other
+    with pytest.raises(ValueError, match=f"{name}: expected {getattr(args, name)}, with which"):
+        tune.tune(TuneArgs(trials=2, output=tmp_path, **other))
+    assert len(trainings) == 1
+
+
+def test_a_study_that_is_only_looked_at_stays_as_it_is(tmp_path, trainings):
+    args = TuneArgs(trials=2, output=tmp_path)
+    tune.tune(args)
+    before = (args.folder / "study.log").read_bytes()
+    tune.main(args)
+    assert (args.folder / "study.log").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [({"scene": "benchmark-foo"}, "scene: "), ({"steps": 0}, "steps: "), ({"seed": -1}, "seed: ")],
+)
+def test_wrong_arguments_leave_no_folder(tmp_path, wrong, message):
+    with pytest.raises(ValueError, match=message):
+        tune.tune(TuneArgs(output=tmp_path, **wrong))
+    assert not list(tmp_path.iterdir())
+
+
 def test_unknown_algorithms_are_refused():
     with pytest.raises(ValueError, match="algorithm: expected one of ppo, ppo_lagrangian"):
         TuneArgs("magic")

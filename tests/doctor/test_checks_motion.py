@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from sph_gym.doctor import faults, plain, throws
-from sph_gym.doctor.checks import integration, scheme, tank, walls, whole
+from sph_gym.doctor.checks import integration, scheme, walls, whole
 from sph_gym.doctor.checkup import Checkup
 from sph_gym.doctor.registry import CHECKS
 from tests.doctor.motion_solvers import HEALTHY, OPTIONAL, WALLS, maker
 
-MODULES = (integration, scheme, whole, walls, tank)
+MODULES = (integration, scheme, whole, walls)
 MINE = [
     name
     for name, check in CHECKS.items()

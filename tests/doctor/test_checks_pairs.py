@@ -5,10 +5,10 @@ import pytest
 
 from sph_gym.doctor import check_solver
 from sph_gym.doctor.case import case, lattice
+from sph_gym.doctor.checks.neighbours import DISTANCES, pair_weights
 from sph_gym.doctor.faults.registry import FAULTS
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import CHECKS
-from sph_gym.doctor.weights import DISTANCES, pair_weights
 from tests.doctor.solvers.pairs_loops import Loops
 from tests.doctor.solvers.pairs_searches import BROKEN, SOUND
 from tests.doctor.solvers.pairs_zoo import HEALTHY, SHOWN, Shown, Zoo, zoo

@@ -8,8 +8,8 @@ import pytest
 
 from sph_gym.doctor import check_solver
 from sph_gym.doctor.case import DX, case, lattice
-from sph_gym.doctor.foreign.boundary import boundary
 from sph_gym.doctor.foreign.shared import (
+    boundary,
     configure,
     in_plane,
     in_space,

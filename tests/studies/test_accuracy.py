@@ -14,16 +14,17 @@ from sph_gym.recommend.runs import execute
 from sph_gym.recommend.settings import build, nominal
 from sph_gym.scenes.shared.refinement import RMS, refinement
 from sph_gym.studies import accuracy
-from sph_gym.studies.accuracy import agents, analysis, plan, points, study
+from sph_gym.studies.accuracy import analysis, plan, points, study
 from sph_gym.studies.accuracy.points import Sampling, measure_point
 from sph_gym.studies.backends import LOCAL, Backend
 from tests.studies.test_jobs import run_here
 
 DROP = replace(refinement("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
 SMALL = plan.StudyPlan(
-    scenes=("elliptical_drop",), widths=(0.9,), steps=(1.5,), sounds=(0.5,), epsilons=(),
-    kernels=(), densities=(), dtypes=(), integrators=(), controllers=("cfl", "tuned_cfl"),
-    repeats=1,
+    scenes=("elliptical_drop",), repeats=1,
+    values={
+        "width": (0.9,), "step": (1.5,), "sound": (0.5,), "controller": ("cfl", "tuned_cfl"),
+    },
 )  # fmt: skip
 
 
@@ -264,7 +265,7 @@ def test_an_agent_that_blows_up_has_no_error(tmp_path, monkeypatch):
     def blow_up(name, scene):
         raise RuntimeError("ppo: blew up")
 
-    monkeypatch.setattr(agents, "play", blow_up)
+    monkeypatch.setattr(points, "play", blow_up)
     found = measure_point(DROP, "controller", drop(controller="ppo"), Sampling(tmp_path, 1))
     assert not found.good
     assert found.cause == "its agent blew up"

@@ -5,13 +5,11 @@ import pytest
 
 from sph_gym.recommend.settings import nominal
 from sph_gym.scenes.shared.refinement import refinement
-from sph_gym.studies.accuracy import agents, analysis, plan
+from sph_gym.studies.accuracy import analysis, plan, points
 
 DROP = replace(refinement("elliptical_drop"), sizes=(6, 8, 10), nominal=8)
-SMALL = plan.StudyPlan(
-    scenes=("elliptical_drop",), widths=(0.9,), steps=(1.5,), sounds=(0.5,), epsilons=(),
-    kernels=(), densities=(), dtypes=(), integrators=(), controllers=(), repeats=1,
-)  # fmt: skip
+ONE_EACH = {"width": (0.9,), "step": (1.5,), "sound": (0.5,)}
+SMALL = plan.StudyPlan(scenes=("elliptical_drop",), values=ONE_EACH, repeats=1)
 
 
 def test_every_sweep_turns_one_knob_and_every_setting_is_run_once():
@@ -53,18 +51,17 @@ class Faked:
 
 
 def test_settings_are_combined_while_they_pay():
-    small = SMALL._replace(controllers=())
-    found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
+    found = {setting: Faked(setting) for _, setting in plan.sweeps(SMALL, DROP)}
     chain = []
-    for line in plan.combined(small, DROP, found):
+    for line in plan.combined(SMALL, DROP, found):
         chain.append(line)
-        found |= {s: Faked(s) for s in plan.at_all_sizes(small, DROP, line)}
+        found |= {s: Faked(s) for s in plan.at_all_sizes(SMALL, DROP, line)}
     assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0), (1.5, 0.5)]
     assert all(series.across == 0 for series in chain)
 
 
 def test_the_best_values_are_also_run_by_themselves():
-    small = SMALL._replace(controllers=(), widths=(0.8, 0.9))
+    small = SMALL._replace(values=ONE_EACH | {"width": (0.8, 0.9)})
     found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
     for run in found.values():
         run.interactions *= run.setting.width
@@ -77,19 +74,19 @@ def test_the_best_values_are_also_run_by_themselves():
 
 
 def test_a_line_that_blew_up_is_not_built_upon():
-    small = SMALL._replace(controllers=())
-    found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
+    found = {setting: Faked(setting) for _, setting in plan.sweeps(SMALL, DROP)}
     chain = []
-    for line in plan.combined(small, DROP, found):
+    for line in plan.combined(SMALL, DROP, found):
         chain.append(line)
-        found |= {s: Faked(s, line.step == 1.0) for s in plan.at_all_sizes(small, DROP, line)}
+        found |= {s: Faked(s, line.step == 1.0) for s in plan.at_all_sizes(SMALL, DROP, line)}
     assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0), (1.0, 0.5)]
 
 
 @pytest.mark.parametrize(("slower", "dtype"), [(0.6, "float32"), (1.5, "float64")])
 def test_precision_is_chosen_by_measured_effort(slower, dtype):
     """With a kernel whose tail is below its normal numbers, float32 takes longer."""
-    small = SMALL._replace(dtypes=("float32", "float64"), controllers=("tuned_cfl",))
+    more = {"dtype": ("float32", "float64"), "controller": ("tuned_cfl",)}
+    small = SMALL._replace(values=ONE_EACH | more)
     found = {setting: Faked(setting, slower=slower) for _, setting in plan.sweeps(small, DROP)}
     chain = []
     for line in plan.combined(small, DROP, found):
@@ -101,17 +98,16 @@ def test_precision_is_chosen_by_measured_effort(slower, dtype):
 
 
 def test_a_fluid_that_is_too_soft_is_neither_combined_nor_best():
-    small = SMALL._replace(controllers=())
-    found = {setting: Faked(setting) for _, setting in plan.sweeps(small, DROP)}
+    found = {setting: Faked(setting) for _, setting in plan.sweeps(SMALL, DROP)}
     for setting, run in found.items():
         run.knob = "sound" if setting.sound < 1 else "resolution"
         run.compression = 0.03 if setting.sound < 1 else 0.001
     chain = []
-    for line in plan.combined(small, DROP, found):
+    for line in plan.combined(SMALL, DROP, found):
         chain.append(line)
-        found |= {s: Faked(s) for s in plan.at_all_sizes(small, DROP, line)}
+        found |= {s: Faked(s) for s in plan.at_all_sizes(SMALL, DROP, line)}
     assert [(line.step, line.sound) for line in chain] == [(1.5, 1.0)]
-    assert plan.alone(small, DROP, found) == []
+    assert plan.alone(SMALL, DROP, found) == []
     points = [run for run in found.values() if run.setting.step == 1.0]
     assert analysis.best_value(points, "sound", "interactions") is None
     for run in points:
@@ -179,10 +175,10 @@ def test_steps_beyond_the_longest_are_never_the_best():
 
 
 def test_agents_are_where_they_can_be():
-    assert agents.available("lookahead", "dam_break")
-    assert not agents.available("lookahead", "couette")
-    assert agents.available("tuned_cfl", "couette")
-    assert not agents.available("ppo", "couette")
+    assert points.available("lookahead", "dam_break")
+    assert not points.available("lookahead", "couette")
+    assert points.available("tuned_cfl", "couette")
+    assert not points.available("ppo", "couette")
 
 
 def test_an_unknown_scene_is_answered_with_the_known_ones():

@@ -16,7 +16,7 @@ from sph_gym.__main__ import main
 from sph_gym.recommend.runs import execute
 from sph_gym.recommend.settings import nominal
 from sph_gym.scenes.shared.refinement import refinement
-from sph_gym.studies.accuracy import agents, points, pysph, study
+from sph_gym.studies.accuracy import points, pysph, study
 from sph_gym.studies.accuracy.points import Sampling
 from sph_gym.studies.peers import Peers
 
@@ -97,7 +97,7 @@ def test_a_damaged_point_is_run_again_with_a_warning(tmp_path, monkeypatch):
 def test_a_damaged_schedule_is_made_again(tmp_path, monkeypatch, bad):
     dt = DROP.build(8).duration / 100
     played = [[dt / 100, 1e7, 0.0]]
-    monkeypatch.setattr(agents, "play", lambda name, scene: played)
+    monkeypatch.setattr(points, "play", lambda name, scene: played)
     monkeypatch.setattr(points, "execute", lambda *a: once)
     once = execute(DROP, nominal(DROP))
     first = measure(tmp_path, controller="ppo")

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 
 import pandas as pd
@@ -11,6 +12,7 @@ import pytest
 
 from agents.evaluate import evaluate
 from agents.policies import Spec
+from sph_gym.studies import backends
 from sph_gym.studies.backends import OBJECT_STORE, RAY_SETTINGS, Backend
 from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
@@ -114,3 +116,20 @@ def test_no_cluster_at_an_address_is_told(tmp_path):
     nobody = Backend("dask", "tcp://127.0.0.1:9")
     with pytest.raises(OSError, match="127"):
         run_jobs(square, [(1, tmp_path)], [1], Results(tmp_path), "test", nobody)
+
+
+def test_a_scheduler_file_that_nobody_writes_is_told(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(backends, "PATIENCE", 0.3)
+    nobody = Backend("dask", str(tmp_path / "schedular.json"))
+    with pytest.raises(FileNotFoundError, match=r"address: expected a file .*schedular.json"):
+        run_jobs(square, [(1, tmp_path)], [1], Results(tmp_path), "test", nobody)
+    assert "waiting for the scheduler file" in capsys.readouterr().err
+
+
+def test_what_waits_when_a_block_ends_is_dropped():
+    pytest.importorskip("distributed")
+    began = time.monotonic()
+    with backends.open_pool(Backend("dask", workers=1), 1) as submit:
+        waiting = [submit(time.sleep, 20) for _ in range(10)]
+    assert time.monotonic() - began < 100 < 20 * len(waiting)

@@ -64,7 +64,7 @@ def test_the_policy_sees_nothing_but_the_observation():
     env = TuningEnv("patch_impact")
     env.reset(options={"instance": "patch_impact/val/0"})
     place = actions.locate(0.8, 0.5, 0.0)
-    action = controls.follow_noise(env, place)
+    action = controls.follow_noise(env, None, place)
     assert action[:2] == pytest.approx(place[:2], abs=1e-6)
     seen = env.episode.observe()[controls.NOISE_SHARE]
     epsilon = controls.smoothing(0.01 * seen / (1 - seen))

@@ -8,8 +8,7 @@ from sph_gym import scenes
 from sph_gym.solver import confinement
 from sph_gym.solver import effects as solver_effects
 from sph_gym.studies import absence, effects, variants
-from sph_gym.studies.absence import EVERY, TERMS, Build
-from sph_gym.studies.assembly import count_in
+from sph_gym.studies.absence import EVERY, TERMS, Build, count_in
 
 DX = 0.05
 

@@ -4,11 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sph_gym.studies import drawing, peer_solvers, startup, throughput
+from sph_gym.studies import peer_solvers, startup, throughput
 from sph_gym.studies.peers import SCRIPT as SCRIPT_NAME
 from sph_gym.studies.peers import PeerError, Peers, compare, parse
-from sph_gym.studies.phases import PHASES
-from sph_gym.studies.picture import curves
 from sph_gym.studies.table import Row
 from sph_gym.timing import Runner, in_turns, pinned, same_home
 
@@ -39,9 +37,8 @@ def test_throughput_by_threads():
     assert all(np.isfinite(row.value) and row.value > 0 for row in rows)
     [neighbors] = [row for row in rows if row.quantity == "mean neighbours"]
     assert 12 < neighbors.value < 24
-    curve = next(iter(curves(rows)))
-    assert (curve.label, curve.dtype) == ("float64, 1 thread", "float64")
-    assert curve.points == [(300, rows[0].value)]
+    points = throughput.curve(rows, "throughput", ", float64, 1 thread")
+    assert points == [(300, rows[0].value)]
 
 
 def test_sizes_and_phases():
@@ -49,7 +46,7 @@ def test_sizes_and_phases():
     assert {row.case for row in rows} == {"200 against 300, float64"}
     assert {row.bound for row in rows} == {throughput.SMALL, None}
     rows = list(throughput.by_phase(PLAN, 300, "float64"))
-    assert names(rows) == {f"phase: {name}" for name in PHASES}
+    assert names(rows) == {f"phase: {name}" for name in throughput.PHASES}
     assert all(row.value > 0 for row in rows)
 
 
@@ -59,10 +56,12 @@ def test_many_small_fluids():
 
 
 def test_pictures_and_frames_of_the_window():
-    rows = list(drawing.measure(throughput.dam_break(100), throughput.dam_break(200), rounds=3))
+    plan = PLAN._replace(sizes=(100, 200), reference=200, pictures=3)
+    rows = list(throughput.pictures(plan))
     assert len(names(rows)) == len(rows) == 4
     assert all(np.isfinite(row.value) and row.value > 0 for row in rows)
-    assert {row.bound for row in rows} == {None, drawing.PICTURES, drawing.FRAMES, drawing.WAIT}
+    bounds = {None, throughput.PICTURES, throughput.FRAMES, throughput.WAIT}
+    assert {row.bound for row in rows} == bounds
 
 
 def test_every_part_has_a_title():
@@ -72,7 +71,7 @@ def test_every_part_has_a_title():
     assert "100000, float32, 1 thread" in titles
 
 
-def test_a_plot_is_drawn(tmp_path):
+def test_a_plot_is_drawn(tmp_path, monkeypatch):
     rows = [
         Row("throughput", throughput.case(n, dtype, threads), n / 1000.0, "")
         for n in (1000, 5000)
@@ -80,8 +79,18 @@ def test_a_plot_is_drawn(tmp_path):
         for threads in (1, 2)
     ]
     rows.append(Row("throughput of Taichi", throughput.case(5000, "float64"), 2.0, ""))
-    assert len(list(curves(rows))) == 5
+    drawn = []
+    save = throughput.save
+    monkeypatch.setattr(
+        throughput, "save", lambda figure, path: drawn.append(figure) or save(figure, path)
+    )
     throughput.finish(rows, tmp_path / "throughput.png")
+    lines = drawn[0].axes[0].lines
+    assert {line.get_label() for line in lines} == {
+        *(f"{dtype}, {n}" for dtype in throughput.STYLES for n in ("1 thread", "2 threads")),
+        "float64, Taichi, 1 thread",
+    }
+    assert len(lines) == 5
     assert (tmp_path / "throughput.png").stat().st_size > 10_000
 
 

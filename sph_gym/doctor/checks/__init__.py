@@ -4,31 +4,8 @@ The motion of lone particles comes first, since accelerations are measured by ti
 shows only that something is wrong, not where, comes last.
 """
 
-from sph_gym.doctor.checks import setup, integration, density, flows  # isort: skip
+# ruff: noqa: F401  (importing them fills the registry)
+from sph_gym.doctor.checks import setup, integration, density  # isort: skip
 from sph_gym.doctor.checks import neighbours, places, sums, meetings  # isort: skip
-from sph_gym.doctor.checks import pressure, lags, force, crowds  # isort: skip
-from sph_gym.doctor.checks import pair_force, black_box, scheme  # isort: skip
-from sph_gym.doctor.checks import viscosity, xsph, whole, walls, tank  # isort: skip
-
-__all__ = [
-    "black_box",
-    "crowds",
-    "density",
-    "flows",
-    "force",
-    "integration",
-    "lags",
-    "meetings",
-    "neighbours",
-    "pair_force",
-    "places",
-    "pressure",
-    "scheme",
-    "setup",
-    "sums",
-    "tank",
-    "viscosity",
-    "walls",
-    "whole",
-    "xsph",
-]
+from sph_gym.doctor.checks import pressure, force, pair_force, black_box  # isort: skip
+from sph_gym.doctor.checks import scheme, viscosity, xsph, whole, walls  # isort: skip

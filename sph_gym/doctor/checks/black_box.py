@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, case, lattice
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.pair_law import (
     CLEARLY,
@@ -20,7 +20,6 @@ from sph_gym.doctor.pair_law import (
 from sph_gym.doctor.probes import (
     DISTANCES,
     STILL,
-    change,
     closing,
     fields,
     fluid,
@@ -59,14 +58,14 @@ def steady(lab: Lab) -> Finding:
     growth = float(np.abs(late).max()) / size
     # speeds that are damped in each step change a little, which is no matter of forces
     if growth < 3:
-        return passed("squeezed pairs at rest for 30 tiny steps: growth of forces", growth, 1.0)
+        return passed(
+            "squeezed pairs at rest for 30 tiny steps: growth of forces", Measured(growth, 1.0)
+        )
     return failed(
         "squeezed pairs at rest for 30 tiny steps: forces grow although no particle moves",
         "Set densities, and then accelerations, to zero before each sum: here they pile up.",
-        growth,
-        1.0,
+        Measured(growth, 1.0, tolerance="a factor of 3"),
         link="density",
-        tolerance="a factor of 3",
     )
 
 
@@ -98,20 +97,18 @@ def _explained(lab: Lab, series: list[PairForces]) -> Finding:
     if sound.error < explains:
         if not moving:
             lab.facts["law"] = sound
-        return passed(f"{text}: {sound}", f"{sound}", "a sound law", tolerance="2 %")
+        return passed(f"{text}: {sound}", Measured(f"{sound}", "a sound law", tolerance="2 %"))
     far = max(CLEARLY * faulty.error, FAR)
     if faulty.fault and faulty.error < explains and sound.error > far:
         return failed(
             f"{text}: explained within {100 * faulty.error:.2g} % by {faulty}; no sound law is "
             f"nearer than {100 * sound.error:.2g} %",
             faulty.fault.remedy,
-            f"{faulty}",
-            "a sound law",
-            tolerance="2 %",
+            Measured(f"{faulty}", "a sound law", tolerance="2 %"),
             link=faulty.fault.link,
         )
     return _another_stiffness(series) or inconclusive(
-        f"{text}: no known law explains them", f"nearest: {sound}", "a sound law"
+        f"{text}: no known law explains them", Measured(f"nearest: {sound}", "a sound law")
     )
 
 
@@ -168,9 +165,7 @@ def _another_stiffness(series: list[PairForces]) -> Finding | None:
     return failed(
         "forces of pairs at 28 distances, in several cases: those of another speed of sound",
         cause + " Take the stiffness from case.c0, case.rho0 and case.gamma.",
-        C0 * abs(ignored.scale) ** 0.5,
-        C0,
-        unit="m/s",
+        Measured(C0 * abs(ignored.scale) ** 0.5, C0, unit="m/s"),
         link="pressure",
     )
 
@@ -196,16 +191,18 @@ def rest_spacing(lab: Lab) -> Finding:
             continue
         far = pairs(lab, np.array([0.3, 0.5, 0.7]), **fluid(h))
         if far.push.max() * h / C0**2 > _PUSH:
-            return inconclusive("pairs far apart push each other: density or pressure", limit, 1.0)
+            return inconclusive(
+                "pairs far apart push each other: density or pressure", Measured(limit, 1.0)
+            )
         return failed(
             f"a lattice of 7 x 7 at rest with {limit:g} of the spacing dx {what}",
             "Check the mass, rho0 dx^2 in 2D, the constant of the kernel, and that h is its "
             "support radius.",
-            f"{'below' if limit < 1 else 'above'} {limit:g}",
-            "about 1",
-            **numbers,
+            Measured(f"{'below' if limit < 1 else 'above'} {limit:g}", "about 1", **numbers),
         )
-    return passed("lattices push from about the spacing dx on", "0.75 to 1.3", "about 1", **numbers)
+    return passed(
+        "lattices push from about the spacing dx on", Measured("0.75 to 1.3", "about 1", **numbers)
+    )
 
 
 def _outward(lab: Lab, h: float, spacing: float) -> float:
@@ -238,7 +235,7 @@ def push_in_time(lab: Lab) -> Finding:
     # twice: what lags behind is in time when particles have stood still for two steps
     pushes = [
         ((a - rubbed)[:6] * along).sum(axis=1) * H / C0**2
-        for a in (change(subject, still), change(subject, still, 2), change(subject, still))
+        for a in (subject.change(still), subject.change(still, 2), subject.change(still))
     ]
     # a scheme may evaluate in the middle of a step
     places = (history[-1], history[0], history[-2], (history[-1] + history[-2]) / 2)
@@ -288,11 +285,15 @@ def _in_time(
     frozen = errors(first, (first + right) / 2)
     numbers = {"unit": "of the push", "tolerance": "5 %"}
     if off < 0.05:
-        return passed("colliding pairs: densities act in time", off, 0.0, **numbers)
+        return passed("colliding pairs: densities act in time", Measured(off, 0.0, **numbers))
     best = min(lagging if np.abs(settled - right).max() < 0.05 * size else np.inf, frozen)
     if best > min(0.02, whole) or off < 0.1:
-        return inconclusive("colliding pairs: the push is no known one", off, 0.0, **numbers)
+        return inconclusive(
+            "colliding pairs: the push is no known one", Measured(off, 0.0, **numbers)
+        )
     what = "colliding pairs are pushed by the densities of "
     if frozen == best:
-        return failed(what + "the start", _RENEW, off, 0.0, link="density", **numbers)
-    return failed(what + "one step before", _IN_ORDER, off, 0.0, link="pressure", **numbers)
+        return failed(what + "the start", _RENEW, Measured(off, 0.0, **numbers), link="density")
+    return failed(
+        what + "one step before", _IN_ORDER, Measured(off, 0.0, **numbers), link="pressure"
+    )

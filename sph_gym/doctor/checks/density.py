@@ -2,20 +2,15 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, H, case, interior, lattice
-from sph_gym.doctor.continuity import (
-    EVERY_PAIR,
-    SUPPORT_RADIUS,
-    by_continuity,
-    factor_remedy,
-    uneven,
-)
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, interior, lattice
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
-from sph_gym.doctor.laws import Match, MeasuredWeights, lattice_sum, match
+from sph_gym.doctor.laws import Match, MeasuredWeights, integral, lattice_sum, match
 from sph_gym.doctor.probes import (
     DISTANCES,
+    STILL,
     Pairs,
+    closing,
     fields,
     fluid,
     pairs,
@@ -25,6 +20,139 @@ from sph_gym.doctor.probes import (
 )
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import SolverUnderTest
+
+SUPPORT_RADIUS = (
+    "case.h is the SUPPORT radius, where W ends. Splines are often written with a smoothing "
+    "length of a half (cubic, Wendland) or a third (quintic, Gaussian) of it: convert once, in "
+    "the adapter, and use the same radius in the neighbour search."
+)
+_UPSIDE_DOWN = ", and yet they push: the slope of the kernel has the wrong sign everywhere"
+_RENEW = "Densities must be renewed in every step from the present neighbours."
+EVERY_PAIR = (
+    "Compare with a loop over all pairs. Then look at the neighbour search: cells smaller than "
+    "the support, cells visited twice, a rounding that puts a particle into the wrong cell."
+)
+
+
+def by_continuity(lab: Lab) -> Finding:
+    """Return what is found of densities that don't depend on positions."""
+    settings = fluid(H)
+    early, late = closing(lab, DISTANCES, (4, 16), **settings)
+    both, nearer = late.rho - early.rho, early.q - late.q
+    rise = both.mean(axis=1)
+    if np.abs(rise).max() < 1e-5 * np.abs(late.rho).max():
+        return _deaf(lab, late.lone)
+    lab.facts["density"] = "continuity"
+    one_sided = np.abs(both[:, 0] - both[:, 1])
+    if one_sided.max() > 0.05 * np.abs(both).max():
+        return uneven(early.q, one_sided, np.zeros(len(rise)), 0.05 * np.abs(both).max())
+    moved = np.abs(nearer) > 0.1 * np.abs(nearer).max()
+    middle, slopes = ((early.q + late.q) / 2)[moved], (rise / np.where(moved, nearer, 1.0))[moved]
+    if slopes[np.argmax(np.abs(slopes))] < 0:
+        return _falling(slopes, bool((late.push - early.push).sum() > 1e-3 * C0**2 / H))
+    return _reach(middle, slopes) or _slopes_mass(lab, middle, slopes)
+
+
+def _falling(slopes: Array, pushes: bool) -> Finding:
+    """Return that densities fall where they should rise; pushes: whether pairs part even so."""
+    # thinned particles that push: the slope in the force has the wrong sign, too
+    return failed(
+        "pairs that approach each other: their densities fall" + _UPSIDE_DOWN * pushes,
+        "d rho_i/dt = sum m_j (v_i - v_j) . grad_i W_ij: check the order of i and j, and the sign "
+        "of grad W, which points to the neighbour.",
+        Measured(float(slopes.min()), "above 0", unit="kg/m^3 per h"),
+        link="force" if pushes else "density",
+    )
+
+
+def _reach(q: Array, slopes: Array) -> Finding | None:
+    """Return that slopes end elsewhere than at h, None if they don't."""
+    size = np.abs(slopes).max()
+    far = (q > 1.0) & (np.abs(slopes) > 1e-2 * size)
+    if far.any():
+        return failed(
+            "pairs further apart than case.h change each other's density",
+            SUPPORT_RADIUS,
+            Measured(f"to r = {q[far].max():.2f} h", "not beyond h"),
+        )
+    near = (q > 0.65) & (q < 0.76)
+    if near.any() and np.abs(slopes[near]).max() < 1e-4 * size:
+        return failed(
+            "pairs nearer than case.h don't change each other's density",
+            SUPPORT_RADIUS,
+            Measured(f"none from r = {q[near].min():.2f} h on", "up to h"),
+        )
+    return None
+
+
+def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Finding:
+    """Return whether d rho/dt = -rho div v has the right size."""
+    found = match(q, slopes, "slope", alike=0.03)
+    lab.facts["slope"], lab.facts["kernel"] = found, found.name
+    mass = found.factor if found.kernel else integral(q, slopes * q) / 2
+    plain = RHO0 / SUPPORT**2
+    share = mass / plain
+    name = found.name or "of no known name"
+    if 0.8 < share < 1.25:
+        return passed(
+            f"densities by continuity; the kernel is {name}",
+            Measured(share, 1.0, unit="of -rho div v"),
+        )
+    if not found.kernel:
+        return inconclusive("densities by continuity, kernel unknown", Measured(share, 1.0))
+    return failed(
+        f"pairs that approach each other: d rho/dt = -rho div v is off ({name} kernel)",
+        factor_remedy(share, H, found),
+        Measured(share, 1.0, unit="of -rho div v", tolerance="20 %"),
+    )
+
+
+def _deaf(lab: Lab, own: float) -> Finding:
+    lists = "neighbors" in lab.shown
+    start = case([[H, H], [1.3 * H, H]])
+    listed = lists and 1 in lab.make(start).step(STILL * start.dt).neighbors(0)
+    lost = (lists and not listed) or (not lists and own < 0.9 * RHO0)
+    return failed(
+        "pairs at 28 distances, at rest and approaching: each has the density of a lone particle",
+        EVERY_PAIR if lost else _RENEW,
+        Measured(own, "more than that of a lone particle", unit="kg/m^3"),
+        link="neighbours" if lost else "density",
+    )
+
+
+def uneven(q: Array, one_sided: Array, between: Array, noise: float) -> Finding:
+    """Return that densities of like pairs differ: between partners (k, 2), or places (k,)."""
+    lonely = bool(one_sided.max() > noise)
+    bad = one_sided > noise if lonely else np.tile(between > noise, 2)
+    what = (
+        "one partner counts the other, but not the other way round"
+        if lonely
+        else "the same distance gives different densities at another place"
+    )
+    return failed(
+        f"pairs at {len(DISTANCES)} distances, in two places and directions each: {what}",
+        EVERY_PAIR,
+        Measured(
+            f"{int(bad.sum())} of {len(q)} pairs, from r = {q[bad].min():.2f} h on", "0 pairs"
+        ),
+        link="neighbours",
+    )
+
+
+def factor_remedy(share: float, h: float, found: Match, small: float | None = None) -> str:
+    """Return what makes a density `share` times as large; small: the same at half of h."""
+    solid = found.kernel.solid if found.kernel else 1.4
+    follows = small is None or abs(small / share / 2 - 1) < 0.1
+    if follows and 0.7 < share * h / solid < 1.4:
+        return (
+            f"The kernel has the constant of three dimensions, {solid / h:.3g} times that of two"
+            + ("; with half of h it is off by twice as much. " if small else ". ")
+            + "In 2D: poly6 4/(pi h^8), spiky 10/(pi h^5), cubic spline 40/(7 pi h^2), "
+            "Wendland C2 7/(pi h^2), h the support."
+        )
+    mass = f"The mass of a particle is rho0 dx^2 = {RHO0 * (h / SUPPORT) ** 2:.3g} kg/m in 2D"
+    return f"{mass}; here densities are {share:.3g} times too large. Else the kernel's constant."
+
 
 _LINKS = {"rho": "density", "p": "pressure", "a": "force"}
 _SELF = (
@@ -55,13 +183,11 @@ def isolated(lab: Lab) -> Finding:
         return passed("three particles far apart stay finite for 10 steps")
     lowest, unit = float(subject.get("rho").min()), "kg/m^3"
     if lowest > 0:
-        return passed("three particles far apart", lowest, "above 0", unit=unit)
+        return passed("three particles far apart", Measured(lowest, "above 0", unit=unit))
     return failed(
         "three particles far apart: a particle without neighbours has no density",
         _SELF,
-        lowest,
-        "m W(0), about 0.14 to 0.4 rho0",
-        unit=unit,
+        Measured(lowest, "m W(0), about 0.14 to 0.4 rho0", unit=unit),
     )
 
 
@@ -82,8 +208,7 @@ def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> 
         f"three particles far apart: {name} is not finite after {n_steps} steps"
         + (", though accelerations are" if moved else ""),
         _STEP if moved else _SELF,
-        "not finite",
-        "finite",
+        Measured("not finite", "finite"),
         link=link,
     )
 
@@ -111,12 +236,11 @@ def kernel(lab: Lab) -> Finding:
     weights = MeasuredWeights(
         fluid(H, ratio), DISTANCES, here, own, match(DISTANCES, here, "weight")
     )
-    finding = _ends(weights) or _own_share(weights)
-    if finding:
+    if finding := _ends(weights) or _own_share(weights):
         return finding
     lab.facts["weight"], lab.facts["kernel"] = weights, weights.found.name
     name = weights.found.name or "of no known name"
-    return passed(f"pairs at {half} distances: the kernel is {name}", name, "a kernel")
+    return passed(f"pairs at {half} distances: the kernel is {name}", Measured(name, "a kernel"))
 
 
 def _reacting(lab: Lab, ratio: float) -> Pairs | None:
@@ -135,16 +259,14 @@ def _ends(weights: MeasuredWeights) -> Finding | None:
         return failed(
             "a pair further apart than case.h still has more than the density of one particle",
             SUPPORT_RADIUS,
-            f"W > 0 at r = {q[beyond].max():.2f} h",
-            "W = 0 beyond h",
+            Measured(f"W > 0 at r = {q[beyond].max():.2f} h", "W = 0 beyond h"),
         )
     inside = (q < 0.76) & (np.abs(values) > 1e-5 * size)
     if not inside[(q > 0.7) & (q < 0.76)].any():
         return failed(
             "a pair nearer than case.h has no more than the density of one particle",
             SUPPORT_RADIUS,
-            f"W = 0 from r = {q[inside].max(initial=0.0):.2f} h on",
-            "W > 0 up to h",
+            Measured(f"W = 0 from r = {q[inside].max(initial=0.0):.2f} h on", "W > 0 up to h"),
         )
     return None
 
@@ -160,9 +282,7 @@ def _own_share(weights: MeasuredWeights) -> Finding | None:
         return failed(
             "a close pair has less density than a lone particle",
             "The kernel must be positive and fall with r; check its sign and the order of h and r.",
-            near,
-            "above 0",
-            unit="kg/m^3",
+            Measured(near, "above 0", unit="kg/m^3"),
         )
     share = weights.own / high
     if 0.95 * low <= weights.own <= 1.05 * high:
@@ -173,10 +293,7 @@ def _own_share(weights: MeasuredWeights) -> Finding | None:
         ("Each pair is counted twice, but not the particle itself. " + EVERY_PAIR)
         if twice
         else _SELF,
-        share,
-        1.0,
-        unit="of m W(0)",
-        tolerance="5 %",
+        Measured(share, 1.0, unit="of m W(0)", tolerance="5 %"),
         link="neighbours" if twice else "density",
     )
 
@@ -201,17 +318,16 @@ def density_follows(lab: Lab) -> Finding:
     now = [lab.density(case(places_)) for places_ in (before, subject.x)]
     error = min(np.abs(rho - each).max() for each in now) / np.abs(now[1]).max()
     moved = np.abs(now[0] - first).max() / np.abs(now[1]).max()
+    numbers = Measured(error, 0.0)
     if moved < 0.02 or error < 0.25 * moved:
-        return passed("four pairs approach: densities follow", error, 0.0)
+        return passed("four pairs approach: densities follow", numbers)
     if np.abs(rho - first).max() < 0.05 * np.abs(now[0] - first).max():
         return failed(
             "four pairs approach for 10 steps: densities stay what they were at the start",
             "Renew densities in every step, before pressures and forces.",
-            float(rho.mean()),
-            float(now[1].mean()),
-            unit="kg/m^3",
+            Measured(float(rho.mean()), float(now[1].mean()), unit="kg/m^3"),
         )
-    return inconclusive("densities of moving pairs are not those of their positions", error, 0.0)
+    return inconclusive("densities of moving pairs are not those of their positions", numbers)
 
 
 @check("density", step=4, needs=("isolated",), shows=("rho",))
@@ -223,25 +339,24 @@ def interior_density(lab: Lab) -> Finding:
         return failed(
             "lattice of 11 x 11 at rest: the density inside is not the sum of what pairs add",
             EVERY_PAIR + " A limit on the number of neighbours has the same effect.",
-            share,
-            explained,
-            unit="rho0",
-            tolerance="2 %",
+            Measured(share, explained, unit="rho0", tolerance="2 %"),
             link="neighbours",
         )
     weights = lab.facts.get("weight")
     found = weights.found if weights else Match("", 0.0, np.inf)
     right = abs(share - 1) <= 0.15 or _as_it_must(found, share)
-    numbers = {"unit": "rho0", "tolerance": "15 %"}
+    numbers = Measured(share, 1.0, unit="rho0", tolerance="15 %")
     if right:
-        return passed("lattice of 11 x 11 at rest", share, 1.0, **numbers)
+        return passed("lattice of 11 x 11 at rest", numbers)
     if weights and not found.kernel and abs(weights.mass / (RHO0 * DX**2) - 1) < 0.05:
-        return inconclusive("lattice of 11 x 11; mass and kernel's integral right", share, 1.0)
+        return inconclusive(
+            "lattice of 11 x 11; mass and kernel's integral right", Measured(share, 1.0)
+        )
     small, _ = _inside(lab, H / 2)
     if 0.8 < small < 1.25:
-        return inconclusive("lattice of 11 x 11 at rest; right at half of h", share, 1.0, **numbers)
+        return inconclusive("lattice of 11 x 11 at rest; right at half of h", numbers)
     remedy = factor_remedy(share, H, found, small)
-    return failed("lattice of 11 x 11 at rest: the density inside", remedy, share, 1.0, **numbers)
+    return failed("lattice of 11 x 11 at rest: the density inside", remedy, numbers)
 
 
 def _inside(lab: Lab, h: float) -> tuple[float, float | None]:
@@ -266,3 +381,41 @@ def _as_it_must(found: Match, share: float) -> bool:
         return False
     expected = lattice_sum(found.kernel.weight, SUPPORT) / SUPPORT**2
     return abs(share / expected - 1) < 0.03
+
+
+# The block shrinks by this share of its width, so fast that sound does not cross it meanwhile.
+_SHRINK = 0.02
+_STEPS = 8
+_SPEED = 0.3 * C0
+
+
+@check("density", step=4, needs=("isolated",), shows=("rho",))
+def density_in_flow(lab: Lab) -> Finding:
+    """Let a block shrink by its own motion: does the density inside rise as it should?"""
+    x = lattice(9, 9)
+    half = x.max()
+    dt = _SHRINK * half / _SPEED / _STEPS
+    subject = lab.make(case(x, -_SPEED / half * x)).step(dt)
+    begun, width = subject.get("rho"), np.ptp(subject.x[:, 0])
+    subject.step(dt, _STEPS)
+    rise, narrower = subject.get("rho") - begun, np.ptp(subject.x[:, 0]) / width
+    # the nine in the middle, which no surface is near
+    inside = np.abs(x).max(axis=1) < 1.5 * DX
+    if not np.isfinite(rise).all():
+        return inconclusive("the block is not finite, which other checks judge")
+    planned = _SHRINK * _STEPS / (_STEPS + 1)
+    if not 0.9 < (1 - narrower) / planned < 1.5:
+        return inconclusive("the block does not shrink as it moves, which other checks judge")
+    expected = RHO0 * (narrower**-2 - 1)
+    share = float(np.median(rise[inside]) / expected)
+    told = f"a block of 9 x 9 becomes {1 - narrower:.1%} narrower by its own motion"
+    if share > 0.3:
+        return passed(f"{told}: its density rises", Measured(share, 1.0, unit="of -rho div v"))
+    if share > -0.3:
+        return inconclusive(f"{told}: its density hardly changes", Measured(share, 1.0))
+    return failed(
+        f"{told}: its density falls",
+        "The rate of the density has the wrong sign: d rho_i/dt = sum m_j (v_i - v_j) . grad_i "
+        "W_ij is positive where particles approach.",
+        Measured(share, 1.0, unit="of -rho div v", tolerance="above 0.3"),
+    )

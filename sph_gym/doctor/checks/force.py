@@ -2,11 +2,13 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, cloud, lattice
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, Case, H, case, cloud, lattice
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
+from sph_gym.doctor.laws import MeasuredWeights
 from sph_gym.doctor.probes import (
     MOMENT,
+    STILL,
     Seen,
     cluster,
     fields,
@@ -65,8 +67,8 @@ def momentum(lab: Lab) -> Finding:
         what = "six groups of four particles: forces don't add up to zero"
         if "rho" not in lab.shown and _one_of_two(lab, ratio):
             what += "; of two partners, only one is pushed"
-            return failed(what, _HALF, small, 0.0, link="neighbours", **numbers)
-        return failed(what, _SYMMETRIC, small, 0.0, **numbers)
+            return failed(what, _HALF, Measured(small, 0.0, **numbers), link="neighbours")
+        return failed(what, _SYMMETRIC, Measured(small, 0.0, **numbers))
     x = lattice(6, 6, 0.75 * DX, center=(1.0, 1.1))
     x += lab.rng.uniform(-0.2, 0.2, x.shape) * 0.75 * DX
     large = _left_over(pressed(lab, x[None], **fluid(H))[1], 1)
@@ -75,11 +77,13 @@ def momentum(lab: Lab) -> Finding:
         if ratio is not None:
             what += ", though they do in groups of four"
             link, remedy = "neighbours", LISTS
-        return failed(what, remedy, large, 0.0, link=link, **numbers)
+        return failed(what, remedy, Measured(large, 0.0, **numbers), link=link)
     worst = max(small, large)
     if not worst >= 0:
-        return inconclusive("nothing pushes in groups under pressure", worst, 0.0, **numbers)
-    return passed("groups of four and a cloud of 6 x 6", worst, 0.0, **numbers)
+        return inconclusive(
+            "nothing pushes in groups under pressure", Measured(worst, 0.0, **numbers)
+        )
+    return passed("groups of four and a cloud of 6 x 6", Measured(worst, 0.0, **numbers))
 
 
 def _one_of_two(lab: Lab, ratio: float) -> bool:
@@ -112,11 +116,11 @@ def momentum_in_motion(lab: Lab) -> Finding:
     if size < 1e-3 * np.abs(start.v).sum():
         return inconclusive("a cloud shrinks, and nothing pushes")
     left = float(np.linalg.norm(gained.sum(axis=1), axis=1).max()) / size
-    numbers = {"unit": "of what all gain", "tolerance": "0.5 %"}
+    numbers = Measured(left, 0.0, unit="of what all gain", tolerance="0.5 %")
     if left > 5e-3:
         what = "a cloud of 8 x 8 in motion: its momentum changes, though forces at rest add up to 0"
-        return failed(what, _AT_ONCE, left, 0.0, **numbers)
-    return passed("a cloud of 8 x 8 in motion keeps its momentum", left, 0.0, **numbers)
+        return failed(what, _AT_ONCE, numbers)
+    return passed("a cloud of 8 x 8 in motion keeps its momentum", numbers)
 
 
 @check("force", step=3, needs=("isolated", "momentum"))
@@ -142,19 +146,17 @@ def _outward(x: Array, a: Array) -> float:
 
 
 def _apart(lab: Lab, out: float, found: Seen) -> Finding:
-    numbers = {"unit": "of the largest acceleration"}
+    numbers = Measured(out, "above 0", unit="of the largest acceleration")
     if out > 0.02:
-        return passed("a blob, squeezed, expands", out, "above 0", **numbers)
+        return passed("a blob, squeezed, expands", numbers)
     if out > -0.02:
-        return inconclusive("a blob, squeezed: no clear direction", out, "above 0")
+        return inconclusive("a blob, squeezed: no clear direction", Measured(out, "above 0"))
     suction = bool(found.p.mean() < 0) or not _pairs_attract(lab)
     return failed(
         "a blob, squeezed, contracts" + (", but close pairs don't" * suction),
         _SUCTION if suction else _SIGN,
-        out,
-        "above 0",
+        numbers,
         link="pressure" if suction else "force",
-        **numbers,
     )
 
 
@@ -172,13 +174,17 @@ def _contracting(lab: Lab, found: Seen) -> Finding:
     early, late = (_in_motion(lab, -1.0, n) for n in (6, 30))
     numbers = {"unit": "c0^2/h"}
     if not np.isfinite([early, late]).all():
-        return failed("a blob in motion is not finite", "Look for divisions by zero.", "", "finite")
+        return failed(
+            "a blob in motion is not finite", "Look for divisions by zero.", Measured("", "finite")
+        )
     out = late if abs(late) > abs(early) else early
     # a stiff fluid rebounds soon: what it does first counts
     if max(early, late) > _FAINT:
-        return passed("a blob that contracts is pushed apart", out, "above 0", **numbers)
+        return passed("a blob that contracts is pushed apart", Measured(out, "above 0", **numbers))
     if min(early, late) < -_FAINT:
-        return failed("a blob that contracts is pulled together", _SIGN, out, "above 0", **numbers)
+        return failed(
+            "a blob that contracts is pulled together", _SIGN, Measured(out, "above 0", **numbers)
+        )
     back = _in_motion(lab, 1.0, 30)
     if abs(back) < _FAINT:
         return _no_push(found)
@@ -187,7 +193,7 @@ def _contracting(lab: Lab, found: Seen) -> Finding:
     else:
         link, remedy = "density", "d rho/dt = -rho div v is above zero where particles approach."
     what = "a blob that contracts is not pushed apart, but one that expands feels a force"
-    return failed(what, remedy, back, 0.0, link=link, **numbers)
+    return failed(what, remedy, Measured(back, 0.0, **numbers), link=link)
 
 
 def _in_motion(lab: Lab, rate: float, n_steps: int) -> float:
@@ -203,7 +209,9 @@ def _in_motion(lab: Lab, rate: float, n_steps: int) -> float:
 def _no_push(found: Seen) -> Finding:
     # comparisons that are true for NaN, too: for what isn't shown
     if found.rho.max() <= 1.05 * RHO0:
-        return inconclusive("a blob could not be squeezed above rho0", float(found.rho.max()))
+        return inconclusive(
+            "a blob could not be squeezed above rho0", Measured(float(found.rho.max()))
+        )
     link = "pressure" if found.p.max() <= 0 else "force"
     # a blob that is denser than rho0 by far pushes, unless its densities are much too small
     link = link if np.isfinite(found.rho).all() else "density"
@@ -211,9 +219,7 @@ def _no_push(found: Seen) -> Finding:
         "a blob of 9 x 9 at 0.3 of its spacing: nothing pushes",
         "Log densities: they must be far above rho0 here (mass rho0 dx^2, constants of 2D). Then "
         "check that p > 0 for rho > rho0, and that the force is added to the velocities.",
-        0.0,
-        "a push outwards",
-        unit="m/s^2",
+        Measured(0.0, "a push outwards", unit="m/s^2"),
         link=link,
     )
 
@@ -239,7 +245,7 @@ def isotropy(lab: Lab) -> Finding:
     a = found.a.reshape(len(turns), -1, 2)
     size = float(np.abs(a).max())
     if not np.isfinite(a).all() or size < _NONE:
-        return inconclusive("a group of seven was not pushed", size)
+        return inconclusive("a group of seven was not pushed", Measured(size))
     back = np.stack([each @ turn for each, turn in zip(a, turns, strict=True)])
     errors = np.abs(back - back[0]).max(axis=(1, 2)) / size
     moved, turned = float(errors[:_N_COPIES].max()), float(errors[_N_COPIES:].max())
@@ -248,10 +254,8 @@ def isotropy(lab: Lab) -> Finding:
         return failed(
             "a group of seven, put elsewhere, is pushed differently",
             LISTS,
-            moved,
-            0.0,
+            Measured(moved, 0.0, **numbers),
             link="neighbours",
-            **numbers,
         )
     if turned > 0.02:
         which = list(_TURNS)[int(np.argmax(errors[_N_COPIES:]))]
@@ -259,11 +263,9 @@ def isotropy(lab: Lab) -> Finding:
             f"a group of seven, {which}, is pushed differently{_only(a)}",
             "Use the unit vector (x_i - x_j) / r for both components, r = sqrt(dx^2 + dy^2); look "
             "for an x where y is meant.",
-            turned,
-            0.0,
-            **numbers,
+            Measured(turned, 0.0, **numbers),
         )
-    return passed("a group of seven, moved, mirrored and turned", turned, 0.0, **numbers)
+    return passed("a group of seven, moved, mirrored and turned", Measured(turned, 0.0, **numbers))
 
 
 def _only(a: Array) -> str:
@@ -271,3 +273,75 @@ def _only(a: Array) -> str:
     if across.min() > 1e-3 * across.max():
         return ""
     return f": it is pushed along {'xy'[int(np.argmax(across))]} only"
+
+
+_TOUCH = (
+    "Skip pairs nearer than some 1e-6 h when the direction (x_i - x_j) / r is formed; their "
+    "share of the density stays."
+)
+
+
+@check("force", step=3, needs=("isolated",))
+@tolerant
+def coincident(lab: Lab) -> Finding:
+    """Put two particles at one place, alone and in a blob: does everything stay finite?"""
+    blob = lattice(5, 5, DX, center=(1.0, 1.1))
+    dense = lattice(5, 5, 0.85 * DX, center=(1.0, 1.1))
+    cases = [case([*each, each[12]]) for each in (blob, dense)]
+    speeds = [_speed_after(lab, each) for each in cases]
+    if not np.isfinite(speeds).all():
+        remedy = _TOUCH
+        return failed(
+            "two particles at one place: not finite after 7 steps",
+            remedy,
+            Measured("not finite", "finite"),
+        )
+    fastest = speeds[0]
+    numbers = Measured(fastest, "below 5", unit="c0")
+    if fastest > max(5, 10 * _speed_after(lab, case(blob))):
+        return failed(
+            "two particles at one place in a blob at rest fly off",
+            _TOUCH + " A division by r^2, or by a tiny r that stands for zero, has this effect.",
+            numbers,
+        )
+    return passed("two particles at one place, in a blob at rest", numbers)
+
+
+def _speed_after(lab: Lab, start: Case) -> float:
+    """Return the largest speed [c0] after some steps, NaN if x or v is not finite."""
+    subject = lab.make(start).step(STILL * H / C0, 2).step(0.5 * start.dt, 5)
+    return float(np.abs([subject.v / C0, 0 * subject.x]).max())
+
+
+@check("force", step=4, needs=("isolated", "kernel", "interior_density"))
+@tolerant
+def dense_group(lab: Lab) -> Finding:
+    """Crowd 40 particles into one place: are densities their sums, and all finite?"""
+    x = cluster(40, 0.6 * H, lab.rng, least=0.03) + np.array([1.0, 1.1])
+    start = case(x)
+    found = fields(lab, start)
+    if not np.isfinite(found.a).all():
+        return not_finite(lab, found, "40 particles within a circle of 0.6 h", _TOUCH)
+    weights = lab.facts.get("weight")
+    few = x[:3]
+    if (
+        not isinstance(weights, MeasuredWeights)
+        or (weights.settings["h"], weights.settings["dx"]) != (start.h, start.dx)
+        or np.abs(_shares(lab, weights, few) - 1).max() > 0.02
+    ):
+        return passed("40 particles within a circle of 0.6 h: all finite")
+    share = _shares(lab, weights, x)
+    worst = float(share[np.argmax(np.abs(share - 1))])
+    text = "40 particles within a circle of 0.6 h: density"
+    numbers = Measured(worst, 1.0, unit="of the sum over pairs", tolerance="5 %")
+    if 0.95 < worst < 1.05 or np.ptp(share) < 0.02:
+        return passed(text, numbers)
+    remedy = LISTS + " Lists of a fixed length must be long enough for a crowd."
+    return failed(text, remedy, numbers, link="neighbours")
+
+
+def _shares(lab: Lab, weights: MeasuredWeights, x: Array) -> Array:
+    """Return densities (n,) as shares of the sums over pairs."""
+    r = np.linalg.norm(x[:, None] - x[None], axis=2)
+    np.fill_diagonal(r, np.inf)
+    return np.asarray(fields(lab, case(x)).rho / (weights.own + weights(r).sum(axis=1)))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sph_gym.doctor.case import DX, SUPPORT, Array, Case, case, lattice
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import Crash
@@ -59,8 +59,7 @@ def flight(lab: Lab) -> Finding:
         x1, v1, x2, v2 = _course(lab, start, dt, _STEPS)
         if not all(np.isfinite(each).all() for each in (x1, v1, x2, v2)):
             return inconclusive("lone particles are not finite, which the checks of density judge")
-        wrong = _changed(v, v2, (_STEPS + 1) * dt)
-        if wrong:
+        if wrong := _changed(v, v2, (_STEPS + 1) * dt):
             return wrong
         kept.append(factor(v2, v))
         moved.append(factor(x2 - x1, (v1 + v2) / 2 * _STEPS * dt))
@@ -68,14 +67,13 @@ def flight(lab: Lab) -> Finding:
         return _decay(kept)
     if max(abs(each - 1) for each in moved) > 2 * _LONE:
         return _drift(moved)
-    divided = _divided(lab, start)
-    if divided:
+    if divided := _divided(lab, start):
         return divided
     return passed(
         f"nine lone particles in {_STEPS} steps at two dt: displacement over v t, and v kept "
         f"(factor {kept[0]:.4g})",
-        moved[0], 1.0, tolerance="1 %",
-    )  # fmt: skip
+        Measured(moved[0], 1.0, tolerance="1 %"),
+    )
 
 
 def _divided(lab: Lab, start: Case) -> Finding | None:
@@ -93,8 +91,8 @@ def _divided(lab: Lab, start: Case) -> Finding | None:
         f"nine lone particles fly straight with short steps; with dt = {LONGEST:g} h/c0 they are "
         f"displaced by {moved:.4g} v t",
         "A long step is divided into sub-steps that add up to more than dt: give each dt / n.",
-        moved, 1.0, tolerance="1 %",
-    )  # fmt: skip
+        Measured(moved, 1.0, tolerance="1 %"),
+    )
 
 
 def _changed(before: Array, after: Array, time: float) -> Finding | None:
@@ -104,7 +102,13 @@ def _changed(before: Array, after: Array, time: float) -> Finding | None:
     if size < _LONE * speeds.min():
         return None
     if np.ptp(change, axis=0).max() < 0.05 * size:
-        return _built_in(change.mean(axis=0) / time)
+        g = change.mean(axis=0) / time
+        return failed(
+            "gravity is 0, yet lone particles are all accelerated alike",
+            "A gravity is built in: take it from case.gravity.",
+            Measured(f"({g[0]:.4g}, {g[1]:.4g})", "(0, 0)", unit="m/s^2"),
+            link="force",
+        )
     if np.abs(change - (factor(after, before) - 1) * before).max() < 0.05 * speeds.max():
         return None
     limited = np.linalg.norm(after, axis=1)
@@ -113,19 +117,12 @@ def _changed(before: Array, after: Array, time: float) -> Finding | None:
         return failed(
             "nine lone particles without a force: the fast ones are slowed down to one speed",
             "Take the limit on velocities out: it hides an explosion instead of curing it.",
-            limited.max(), speeds.max(), unit="m/s", tolerance="2 %",
-        )  # fmt: skip
+            Measured(limited.max(), speeds.max(), unit="m/s", tolerance="2 %"),
+        )
     return inconclusive(
-        "lone particles change their velocities, each in another way", size, 0.0, unit="m/s"
+        "lone particles change their velocities, each in another way",
+        Measured(size, 0.0, unit="m/s"),
     )
-
-
-def _built_in(g: Array) -> Finding:
-    return failed(
-        "gravity is 0, yet lone particles are all accelerated alike",
-        "A gravity is built in: take it from case.gravity.",
-        f"({g[0]:.4g}, {g[1]:.4g})", "(0, 0)", unit="m/s^2", link="force",
-    )  # fmt: skip
 
 
 def _decay(kept: list[float]) -> Finding:
@@ -137,8 +134,9 @@ def _decay(kept: list[float]) -> Finding:
         "Take the decay of velocities out of the step (it acts on the fall of a drop too, and "
         "stacks up with viscosity into jelly); damp by XSPH or viscosity, which act between "
         "neighbours only.",
-        kept[0], 1.0, tolerance="0.5 %", link="" if alike else "viscosity",
-    )  # fmt: skip
+        Measured(kept[0], 1.0, tolerance="0.5 %"),
+        link="" if alike else "viscosity",
+    )
 
 
 def _drift(moved: list[float]) -> Finding:
@@ -157,8 +155,8 @@ def _drift(moved: list[float]) -> Finding:
         f"nine lone particles fly for {_STEPS} steps: displacement over v t is {long:.4g} with "
         f"dt = {LONG} h/c0, {short:.4g} with {SHORT} h/c0",
         MOVE + cause,
-        long, 1.0, tolerance="1 %",
-    )  # fmt: skip
+        Measured(long, 1.0, tolerance="1 %"),
+    )
 
 
 @check("integration", needs=("flight",))
@@ -178,20 +176,23 @@ def galilean(lab: Lab) -> Finding:
     moved = factor(dx.mean(axis=0), speed * _STEPS * dt)
     spread = float(np.abs(dv - speed).max() / scale)
     told = f"a block of 4 x 4 with one velocity against the same at rest, {_STEPS} steps"
+    numbers = Measured(kept, 1.0, tolerance="2 %")
     if abs(kept - 1) > 0.02:
         return failed(
             f"{told}: the block's velocity changes by a factor although nothing else is there",
             "Something acts on absolute velocities of particles that have neighbours: a decay, or "
             "a viscosity on v_i in place of v_j - v_i, in spite of viscosity = xsph = 0.",
-            kept, 1.0, tolerance="2 %", link="viscosity",
-        )  # fmt: skip
+            numbers,
+            link="viscosity",
+        )
     if abs(moved - 1) > 0.02 or spread > 0.05:
         return inconclusive(
             f"{told}: not the same, which may be the neighbours' fault as well",
-            f"displacement {moved:.3g} v t, velocities differ by {spread:.2g}",
-            "1 v t, 0",
+            Measured(
+                f"displacement {moved:.3g} v t, velocities differ by {spread:.2g}", "1 v t, 0"
+            ),
         )
-    return passed(f"{told}: velocity kept", kept, 1.0, tolerance="2 %")
+    return passed(f"{told}: velocity kept", numbers)
 
 
 # Strong enough that a step moves particles by more than the rounding of single precision.
@@ -204,8 +205,7 @@ _FALL_ERROR = 0.03
 def free_fall(lab: Lab) -> Finding:
     """Let lone particles and a block fall along x, along y and askew: dv/dt must be g."""
     for gravity in _FALLS:
-        wrong = _fall(lab, gravity)
-        if wrong:
+        if wrong := _fall(lab, gravity):
             return wrong
     return _falling_block(lab)
 
@@ -228,8 +228,8 @@ def _fall(lab: Lab, gravity: tuple[float, float]) -> Finding | None:
             return failed(
                 "lone particles fall: v = g t, but x is not g t^2 / 2",
                 MOVE + "look at how x is advanced.",
-                late, 0.0, unit="m", tolerance="2.5 g dt t",
-            )  # fmt: skip
+                Measured(late, 0.0, unit="m", tolerance="2.5 g dt t"),
+            )
     if max(np.abs(a - g).max() for a in factors) > _FALL_ERROR * np.hypot(*g):
         return _wrong_fall(lab, g, factors)
     return None
@@ -243,9 +243,14 @@ def _wrong_fall(lab: Lab, g: Array, factors: list[Array]) -> Finding:
         f"({long[0]:.4g}, {long[1]:.4g}) with dt = {LONG} h/c0 and ({short[0]:.4g}, "
         f"{short[1]:.4g}) with {LONG / 2:g} h/c0",
         cause,
-        f"({long[0]:.4g}, {long[1]:.4g})", f"({g[0]:g}, {g[1]:g})", unit="m/s^2",
-        tolerance=f"{_FALL_ERROR:.0%}", link=link,
-    )  # fmt: skip
+        Measured(
+            f"({long[0]:.4g}, {long[1]:.4g})",
+            f"({g[0]:g}, {g[1]:g})",
+            unit="m/s^2",
+            tolerance=f"{_FALL_ERROR:.0%}",
+        ),
+        link=link,
+    )
 
 
 def _cause(lab: Lab, g: Array, long: Array, short: Array) -> tuple[str, str]:
@@ -285,16 +290,16 @@ def _falling_block(lab: Lab) -> Finding:
     fall = gains[1] - gains[0]
     if not np.isfinite(fall).all():
         return inconclusive("the block is not finite, which other checks judge")
-    numbers = (f"({fall[0]:.4g}, {fall[1]:.4g})", f"({g[0]:g}, {g[1]:g})")
+    numbers = Measured(
+        f"({fall[0]:.4g}, {fall[1]:.4g})", f"({g[0]:g}, {g[1]:g})", unit="m/s^2", tolerance="3 %"
+    )
     if np.abs(fall - g).max() > 0.03 * np.hypot(*g):
         return failed(
             "lone particles fall with g, but the center of a block of 4 x 4 doesn't (taken "
             "against the same block without gravity)",
             "Add gravity once a particle, outside of the loop over its neighbours, and as an "
             "acceleration: no density belongs to it.",
-            *numbers, unit="m/s^2", tolerance="3 %", link="force",
-        )  # fmt: skip
-    return passed(
-        "lone particles and a block fall along x, y and askew", *numbers, unit="m/s^2",
-        tolerance="3 %",
-    )  # fmt: skip
+            numbers,
+            link="force",
+        )
+    return passed("lone particles and a block fall along x, y and askew", numbers)

@@ -6,7 +6,7 @@ import numpy as np
 
 from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, case, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, listed
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
 from sph_gym.doctor.groups import at_rest, difference, felt, present, spread
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -53,9 +53,10 @@ def long_way(lab: Lab) -> Finding:
     subject = lab.make(start).step(start.dt, _LONG_STEPS)
     share = float(((subject.x - start.x) * along).sum(axis=1).mean() / way)
     told = f"eight lone particles fly {way / start.h:.0f} h outwards"
+    numbers = Measured(share, 1.0)
     if not np.isfinite(share) or abs(share - 1) > 0.02:
-        return inconclusive(f"{told}: not all arrive, which other checks judge", share, 1.0)
-    return passed(told, share, 1.0)
+        return inconclusive(f"{told}: not all arrive, which other checks judge", numbers)
+    return passed(told, numbers)
 
 
 @check("neighbours", step=2, needs=("order",))
@@ -80,8 +81,8 @@ def newcomers(lab: Lab) -> Finding:
         return _out_of_date(max(worst), 0.0, "of the largest")
     text = "two groups that fly into each other feel what a new solver makes them feel"
     if max(worst) > NEWCOMERS:
-        return inconclusive(f"{text}, but some of it late", max(worst), 0.0)
-    return passed(text, max(worst), 0.0, tolerance=f"{NEWCOMERS} of the largest")
+        return inconclusive(f"{text}, but some of it late", Measured(max(worst), 0.0))
+    return passed(text, Measured(max(worst), 0.0, tolerance=f"{NEWCOMERS} of the largest"))
 
 
 def _huddle() -> Case:
@@ -103,7 +104,7 @@ def _meeting(gap: float) -> Case:
 def _look(lab: Lab, start: Case, n_steps: int) -> FreshComparison:
     """Return how a solver after so many steps compares with a new one; NaN if it can't be told."""
     dt = STEP * start.h / start.c0
-    subject = lab.run(start, dt, n_steps)
+    subject = lab.make(start).step(dt, n_steps)
     missing = _unlisted(subject, dt) if "neighbors" in lab.shown else 0
     before = case(subject.x, subject.v)
     if not _finite(before):
@@ -146,9 +147,7 @@ def _out_of_date(measured: float, expected: float, unit: str) -> Finding:
         f"two groups fly into each other with {SPEED} c0: {what}",
         BRUTE_FORCE + "Lists are out of date: search in every step, or list pairs up to a margin "
         "beyond h and search anew as soon as a particle has moved by half of the margin.",
-        measured,
-        expected,
-        unit=unit,
+        Measured(measured, expected, unit=unit),
     )
 
 
@@ -161,22 +160,21 @@ def _passing_through(lab: Lab) -> Finding:
     if not (0.05 < near < 2.2 and changed < 0.1 * DX):
         return inconclusive("two groups that meet hardly react, or explode, or remember densities")
     far, _ = _slowed(lab, GAP, before + together)
+    numbers = Measured(far, near, unit="of the speed lost")
     if abs(far) < 0.02 * near:
         return failed(
             f"two groups that begin {touching:.2f} h apart slow each other down by "
             f"{100 * near:.2g} %, but those that begin {GAP} h apart fly through each other",
             BRUTE_FORCE + "Lists are those of the start: search in every step.",
-            far,
-            near,
-            unit="of the speed lost",
+            numbers,
         )
-    return passed("two groups that come from afar meet", far, near, unit="of the speed lost")
+    return passed("two groups that come from afar meet", numbers)
 
 
 def _slowed(lab: Lab, gap: float, steps: int) -> tuple[float, float]:
     """Return the share of the speed of approach that two groups lose, and how one changes [m]."""
     start = _meeting(gap)
-    subject = lab.run(start, STEP * start.h / start.c0, steps)
+    subject = lab.make(start).step(STEP * start.h / start.c0, steps)
     before, after = (x[:9] - x[:9].mean(axis=0) for x in (start.x, subject.x))
     lost = 1 - _approach(subject.v) / _approach(start.v)
     changed = float(np.abs(after - before).max())

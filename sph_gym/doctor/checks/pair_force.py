@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import RHO0, TAIT, Array, H
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import KERNELS, Kernel, Match, integral, match
 from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing, tolerant
@@ -41,19 +41,18 @@ def force_kernel(lab: Lab) -> Finding:
     if slope is None or ratio is None:
         return inconclusive("no pairs could be brought under pressure")
     if slope.found.kernel and slope.found.kernel.pairing:
+        peak = slope.q[np.argmax(np.abs(slope.values))]
         return failed(
             "pairs under pressure hardly repel each other when close: they will pair up",
             _PAIRING,
-            f"{slope.found.name}, strongest at r = {_peak(slope):.2f} h",
-            "strongest below 0.4 h",
+            Measured(f"{slope.found.name}, strongest at r = {peak:.2f} h", "strongest below 0.4 h"),
         )
     beyond = (slope.q > 1.0) & (np.abs(slope.values) > 1e-2 * np.abs(slope.values).max())
     if beyond.any():
         return failed(
             "pairs further apart than case.h push each other",
             "case.h is the support radius: the slope ends there, as the density kernel does.",
-            f"to r = {slope.q[beyond].max():.2f} h",
-            "not beyond h",
+            Measured(f"to r = {slope.q[beyond].max():.2f} h", "not beyond h"),
         )
     return _constant(lab, slope, ratio)
 
@@ -109,27 +108,25 @@ def _slope(
     return Slope(q, values, found, moment / mass, density)
 
 
-def _peak(slope: Slope) -> float:
-    return float(slope.q[np.argmax(np.abs(slope.values))])
-
-
 def _constant(lab: Lab, slope: Slope, ratio: float) -> Finding:
     """Return whether the constant in front of the force's kernel is right."""
     name = slope.found.name or "no known name"
     numbers = {"unit": "of -m dW/dr", "tolerance": "6 %; half is Mueller's form"}
     for right in (1.0, 0.5):
         if abs(slope.share / right - 1) < 0.06:
-            return passed(f"the force's kernel is {name}", slope.share, right, **numbers)
+            return passed(f"the force's kernel is {name}", Measured(slope.share, right, **numbers))
     if not slope.found.kernel:
-        return inconclusive(f"the force's kernel has {name}", slope.share, 1.0, **numbers)
+        return inconclusive(f"the force's kernel has {name}", Measured(slope.share, 1.0, **numbers))
     small = measure(lab, H / 2, ratio)
     if small is None:
-        return inconclusive("the force at half of h could not be had", slope.share, 1.0)
+        return inconclusive("the force at half of h could not be had", Measured(slope.share, 1.0))
     link, cause = factor_cause(slope.share, small.share, H, slope.found.kernel, slope.density)
     if not cause:
-        return inconclusive(f"the force's kernel is {name}; its size is not", slope.share, 1.0)
+        return inconclusive(
+            f"the force's kernel is {name}; its size is not", Measured(slope.share, 1.0)
+        )
     text = f"pairs under pressure: the push against the measured pressures and densities ({name})"
-    return failed(text, cause, slope.share, 1.0, link=link, **numbers)
+    return failed(text, cause, Measured(slope.share, 1.0, **numbers), link=link)
 
 
 def factor_cause(

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, FAR
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
 from sph_gym.doctor.groups import Response, difference, disc, felt, respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -48,9 +48,7 @@ def same_everywhere(lab: Lab) -> Finding:
         return _unequal(lab, start, places, members, differs)
     return passed(
         f"the same group of {MEMBERS} at {len(places)} places feels the same",
-        float(differs.max()),
-        0.0,
-        tolerance=UNEQUAL,
+        Measured(float(differs.max()), 0.0, tolerance=UNEQUAL),
     )
 
 
@@ -83,9 +81,7 @@ def _walled(start: Case, places: Array, wandering: Array) -> Finding:
         f"was moved by {wandering[worst] / start.h:.2g} h in tiny steps, others were not",
         "Look for walls, or a domain that is periodic, at fixed coordinates: walls are where "
         "case.box says, and nowhere if it is None.",
-        float(wandering[worst] / start.h),
-        0.0,
-        unit="h",
+        Measured(float(wandering[worst] / start.h), 0.0, unit="h"),
         link="walls",
     )
 
@@ -116,9 +112,7 @@ def _unequal(
         BRUTE_FORCE + "Look at the borders of cells (all nine cells searched? cells as wide as "
         "the support?), at negative coordinates (floor(), not int()), at a hash that leads two "
         "cells to one place, and at whether pairs beyond the support are left out.",
-        float(differs[worst]),
-        0.0,
-        tolerance=UNEQUAL,
+        Measured(float(differs[worst]), 0.0, tolerance=UNEQUAL),
     )
 
 
@@ -161,19 +155,12 @@ def same_when_shifted(lab: Lab) -> Finding:
         return inconclusive(_SILENT)
     return passed(
         f"squeezed lattices, h/dx = 2, 3, 4: the same after shifts of 0.5 to {FAR:.0f} h",
-        worst,
-        0.0,
-        tolerance=UNEQUAL,
+        Measured(worst, 0.0, tolerance=UNEQUAL),
     )
 
 
 def _shifted(
-    lab: Lab,
-    start: Case,
-    moved: Case,
-    here: Response,
-    there: Response,
-    shift: tuple[float, float],
+    lab: Lab, start: Case, moved: Case, here: Response, there: Response, shift: tuple[float, float]
 ) -> Finding:
     differs = _unlike(there, here, start) if there.finite else np.nan
     again = respond(lab, start, start.x.mean(axis=0))
@@ -189,9 +176,7 @@ def _shifted(
         + (f"it feels something else, by {100 * differs:.2g} %" if there.finite else "it is NaN"),
         BRUTE_FORCE + "Cells of negative coordinates come from floor(), not from int(); a grid "
         "must cover where particles are, not where they began.",
-        float(differs) if there.finite else "not finite",
-        0.0,
-        tolerance=UNEQUAL,
+        Measured(float(differs) if there.finite else "not finite", 0.0, tolerance=UNEQUAL),
     )
 
 
@@ -214,7 +199,8 @@ def any_order(lab: Lab) -> Finding:
     if not worst:
         return inconclusive(_SILENT)
     return passed(
-        "a squeezed cloud feels the same in three orders", max(worst), 0.0, tolerance=UNEQUAL
+        "a squeezed cloud feels the same in three orders",
+        Measured(max(worst), 0.0, tolerance=UNEQUAL),
     )
 
 
@@ -237,7 +223,5 @@ def _by_order(lab: Lab, start: Case, here: Response, worst: float) -> Finding:
         f"or accelerations change by {100 * worst:.2g} %",
         BRUTE_FORCE + "Lists that hold too few neighbours drop others in another order; where "
         "pairs are listed once (i < j), both must be given their share.",
-        worst,
-        0.0,
-        tolerance=UNEQUAL,
+        Measured(worst, 0.0, tolerance=UNEQUAL),
     )

@@ -1,18 +1,112 @@
 """Which time integration does the solver use, and does it gain energy by it?"""
 
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
 import numpy as np
 
-from sph_gym.doctor import schemes
 from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checks.integration import LONG, MOVE, duration, factor
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 
+# The first steps are left out: some solvers start with a step of another kind.
+_COUNTED = range(2, 5)
 
-def squeezed(lab: Lab, spacing: float = 0.92, speed: float = 0.0) -> Case:
+
+@dataclass
+class ShortRun:
+    """A run of a few steps: x, v (steps + 1, n, 2) before each and after the last."""
+
+    lab: Lab
+    start: Case
+    dt: float
+    x: Array
+    v: Array
+    _known: dict[str, Array] = field(default_factory=dict)
+
+    def a(self, k: int) -> Array:
+        """Return the accelerations (n, 2) at the state k, by a new solver."""
+        return self.apart(f"{k}", self.x[k], self.v[k])
+
+    def apart(self, name: str, x: Array, v: Array) -> Array:
+        """Return the accelerations (n, 2) at any state, by a new solver; name: for keeping them."""
+        if name not in self._known:
+            self._known[name] = self.lab.acceleration(replace(self.start, x=x, v=v))
+        return self._known[name]
+
+    def ahead(self, k: int, part: float) -> Array:
+        """Return the accelerations where v_k alone would have led after a part of the step."""
+        x = self.x[k] + part * self.dt * self.v[k]
+        return self.apart(f"{k}+{part}", x, self.v[k])
+
+
+def follow(lab: Lab, start: Case, dt: float) -> ShortRun:
+    """Return the track of a new solver; its steps are those that the models look at."""
+    subject = lab.make(start)
+    x, v = [subject.x], [subject.v]
+    for _ in range(_COUNTED.stop + 1):
+        subject.step(dt)
+        x.append(subject.x)
+        v.append(subject.v)
+    return ShortRun(lab, start, dt, np.stack(x), np.stack(v))
+
+
+Models = dict[str, Callable[[ShortRun, int], Array]]
+# A model, and what it leaves.
+Fit = tuple[str, float]
+# What the change of v in step k may be made of: the cheap ones first.
+KICKS: Models = {
+    "a(k)": lambda t, k: t.a(k),
+    "a(k+1)": lambda t, k: t.a(k + 1),
+    "a(k-1)": lambda t, k: t.a(k - 1),
+    "mean of a(k) and a(k+1)": lambda t, k: (t.a(k) + t.a(k + 1)) / 2,
+    "mean of a(k-1) and a(k)": lambda t, k: (t.a(k - 1) + t.a(k)) / 2,
+    "a half a step ahead": lambda t, k: t.ahead(k, 0.5),
+    "mean of a(k) and a a step ahead": lambda t, k: (t.a(k) + t.ahead(k, 1.0)) / 2,
+}
+DRIFTS: Models = {
+    "v(k)": lambda t, k: t.v[k],
+    "v(k+1)": lambda t, k: t.v[k + 1],
+    "mean of v(k) and v(k+1)": lambda t, k: (t.v[k] + t.v[k + 1]) / 2,
+}
+# A model holds when it leaves less than this of what the accelerations change in a step.
+HOLDS = 0.1
+
+
+def best_kick(track: ShortRun) -> Fit:
+    """Return the model of v(k+1) - v(k) that leaves least, in changes of the accelerations."""
+    unit = _size([track.a(k + 1) - track.a(k) for k in _COUNTED])
+    return _best(track, KICKS, track.v, unit, enough=HOLDS)
+
+
+def best_drift(track: ShortRun) -> Fit:
+    """Return the model of x(k+1) - x(k) that leaves least, in changes of v a step."""
+    unit = _size([track.v[k + 1] - track.v[k] for k in _COUNTED])
+    return _best(track, DRIFTS, track.x, unit, enough=0.0)
+
+
+def _best(track: ShortRun, models: Models, course: Array, unit: float, enough: float) -> Fit:
+    """Return the best model of the changes in a course, or the first that leaves `enough`."""
+    best = ("", np.inf)
+    for name, model in models.items():
+        left = [(course[k + 1] - course[k]) / track.dt - model(track, k) for k in _COUNTED]
+        score = _size(left) / max(unit, 1e-300)
+        if score < best[1]:
+            best = (name, score)
+        if score < enough:
+            break
+    return best
+
+
+def _size(values: list[Array]) -> float:
+    return float(np.sqrt(sum((each**2).sum() for each in values)))
+
+
+def squeezed(lab: Lab, speed: float) -> Case:
     """Return 36 particles in disorder, squeezed so that they push, with random velocities."""
-    x = cloud(lab.rng, 6, 6, spacing * DX, 0.08)
+    x = cloud(lab.rng, 6, 6, 0.92 * DX, 0.08)
     return case(x, lab.rng.uniform(-speed, speed, x.shape))
 
 
@@ -57,30 +151,34 @@ def _judge_factors(candidates: list[Factors], long: Factors, short: Factors) -> 
     numbers = (f"({factors[0]:.4g}, {factors[1]:.4g})", "(1, 1)")
     if _from_one(short) < 0.15:
         return passed(
-            "a squeezed cloud: (dv/dt) / a along x and y, in short steps", *numbers,
-            tolerance="15 % with what is left over",
-        )  # fmt: skip
+            "a squeezed cloud: (dv/dt) / a along x and y, in short steps",
+            Measured(*numbers, tolerance="15 % with what is left over"),
+        )
     if np.abs(factors * RHO0 - 1).max() < 0.5 and left < 0.3:
         return failed(
             "a squeezed cloud: dv/dt is `a` over the density",
-            "Show accelerations [m/s^2] as `a`, not forces a volume.", *numbers, link="setup",
-        )  # fmt: skip
+            "Show accelerations [m/s^2] as `a`, not forces a volume.",
+            Measured(*numbers),
+            link="setup",
+        )
     spread = np.ptp([each for each, _ in candidates], axis=0).max()
     if left > 0.03 or spread > 0.05 * np.abs(factors).max():
         return inconclusive(
             f"a squeezed cloud: the change of v is no multiple of `a` ({left:.0%} are left): `a` "
-            "may be shown of another moment, or without some of its terms", *numbers,
-        )  # fmt: skip
+            "may be shown of another moment, or without some of its terms",
+            Measured(*numbers),
+        )
     ignored = np.abs(factors - 5 * long[0]).max() < 0.5 * np.abs(long[0]).max()
     cause = "dt is ignored there." if ignored else f"here the factor is {numbers[0]}, not 1."
     return failed(
         f"a squeezed cloud: dv/dt is not `a`, but ({long[0][0]:.3g}, {long[0][1]:.3g}) times as "
         f"much in a step of {LONG / 2:g} h/c0, {numbers[0]} in one of {LONG / 10:g} h/c0",
-        MOVE + cause, *numbers, tolerance="15 %",
-    )  # fmt: skip
+        MOVE + cause,
+        Measured(*numbers, tolerance="15 %"),
+    )
 
 
-# A model that a broken scheme follows leaves rounding alone; see `schemes.HOLDS` for the unit.
+# A model that a broken scheme follows leaves rounding alone; see `HOLDS` for the unit.
 _EXACT = 0.03
 
 
@@ -92,26 +190,33 @@ def scheme(lab: Lab) -> Finding:
     if found is None:
         return inconclusive("the cloud is not finite, which other checks judge")
     kick, drift = found
-    if kick[1] > schemes.HOLDS:
+    if kick[1] > HOLDS:
         return inconclusive(
             "the steps of a lively cloud fit no known scheme: densities with a memory "
             "(continuity), sub-steps or smoothed velocities hide it",
-            f"{kick[1]:.2g} left", f"< {schemes.HOLDS:g}", tolerance="of its change in a step",
-        )  # fmt: skip
+            Measured(f"{kick[1]:.2g} left", f"< {HOLDS:g}", tolerance="of its change in a step"),
+        )
     name = _known(*found)
     text = f"v changes by {kick[0]} dt" + (f", x by {drift[0]} dt" if drift[1] < _EXACT else "")
+    numbers = Measured(text)
     if name in _BROKEN:
         again = _identify(lab, start, 0.05)
         if again is None or _known(*again) != name:
-            return inconclusive(f"looks like {name}, but not with a shorter step: {text}", text)
+            return inconclusive(f"looks like {name}, but not with a shorter step: {text}", numbers)
         return failed(
-            f"each step of a lively cloud, taken apart: {text}, exactly, at two dt", _BROKEN[name],
-            name, "symplectic Euler, leapfrog or a predictor-corrector",
-            tolerance=f"{_EXACT:.0%} of the change of a in a step",
-        )  # fmt: skip
+            f"each step of a lively cloud, taken apart: {text}, exactly, at two dt",
+            _BROKEN[name],
+            Measured(
+                name,
+                "symplectic Euler, leapfrog or a predictor-corrector",
+                tolerance=f"{_EXACT:.0%} of the change of a in a step",
+            ),
+        )
     if name == _TAYLOR:
-        return inconclusive(f"{text}: it gains energy half as fast as forward Euler", name)
-    return passed(f"each step of a lively cloud, taken apart: {text}", text)
+        return inconclusive(
+            f"{text}: it gains energy half as fast as forward Euler", Measured(name)
+        )
+    return passed(f"each step of a lively cloud, taken apart: {text}", numbers)
 
 
 _TAYLOR = "half a velocity Verlet"
@@ -123,16 +228,14 @@ _BROKEN = {
 }
 
 
-def _identify(
-    lab: Lab, start: Case, share: float
-) -> tuple[tuple[str, float], tuple[str, float]] | None:
-    track = schemes.follow(lab, start, duration(start, share))
+def _identify(lab: Lab, start: Case, share: float) -> tuple[Fit, Fit] | None:
+    track = follow(lab, start, duration(start, share))
     if not (np.isfinite(track.x).all() and np.isfinite(track.v).all()):
         return None
-    return schemes.best_kick(track), schemes.best_drift(track)
+    return best_kick(track), best_drift(track)
 
 
-def _known(kick: tuple[str, float], drift: tuple[str, float]) -> str:
+def _known(kick: Fit, drift: Fit) -> str:
     """Return a name for the schemes that gain energy, "" for others."""
     if kick[1] > _EXACT or drift[1] > _EXACT:
         return ""
@@ -150,22 +253,22 @@ def ringing(lab: Lab) -> Finding:
     """Let sound go to and fro in a block: its energy must not grow, least of all with dt."""
     told = "sound in a block of 6 x 6: kinetic energy after ten crossings, in units of the first"
     usual = _ring(lab, LONG)
-    numbers = (f"{usual:.3g}", "<= 1")
+    numbers = Measured(f"{usual:.3g}", "<= 1", tolerance=f"{_GROWS:g}")
     if usual < _GROWS:
-        return passed(f"{told}, with dt = {LONG} h/c0", *numbers, tolerance=f"{_GROWS:g}")
+        return passed(f"{told}, with dt = {LONG} h/c0", numbers)
     # a little viscosity, so that what it would cure in every use of the solver is no fault
     long, short = _ring(lab, 2 * LONG, viscosity=0.02), _ring(lab, LONG / 4)
     course = f"{told}: {short:.3g} with dt = {LONG / 4} h/c0, {usual:.3g} with {LONG}, "
     course += f"{long:.3g} with {2 * LONG}"
     if short > usual**0.5 or long < 10:
-        return inconclusive(course, *numbers)
+        return inconclusive(course, Measured(*numbers[:2]))
     return failed(
         f"{course}: the steps put in energy",
         "An oscillation that grows with dt is the mark of forward Euler, and of accelerations or "
         "densities that lag behind: v first, x and densities with the new v, forces at the new x. "
         "If the scheme is right, dt is too long for it.",
-        *numbers, tolerance=f"{_GROWS:g}",
-    )  # fmt: skip
+        numbers,
+    )
 
 
 # Sound in a healthy solver ends with 0.5 to 1 of its energy.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import DX, case, lattice
-from sph_gym.doctor.findings import Finding, failed, passed
+from sph_gym.doctor.findings import Finding, Measured, failed, passed
 from sph_gym.doctor.lab import OPTIONAL, TINY, Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import Misfit
@@ -50,8 +50,7 @@ def adapter(lab: Lab) -> Finding:
             f"nine particles at rest: {' and '.join(bad)} not finite after two tiny steps",
             "Stop at the first value that is not finite and name its particle (a tripwire); the "
             "usual causes are a division by a distance or a density of zero.",
-            "not finite",
-            "finite",
+            Measured("not finite", "finite"),
             link=_first_bad(values),
         )
     return passed(
@@ -84,7 +83,9 @@ def order(lab: Lab) -> Finding:
         if (moved != range(16)).any() or (turned != range(16)).any():
             return _exchanged(moved, turned, n)
         subject.step(dt)
-    return passed("16 particles keep their places in 3 steps", 0, 0, unit="particles exchanged")
+    return passed(
+        "16 particles keep their places in 3 steps", Measured(0, 0, unit="particles exchanged")
+    )
 
 
 def _exchanged(moved: np.ndarray, turned: np.ndarray, n_steps: int) -> Finding:
@@ -100,9 +101,11 @@ def _exchanged(moved: np.ndarray, turned: np.ndarray, n_steps: int) -> Finding:
     return failed(
         text,
         _ORDER if together else _SORTED,
-        f"{int((moved != turned).sum() or (moved != range(16)).sum())} of 16",
-        "0",
-        unit="particles exchanged",
+        Measured(
+            f"{int((moved != turned).sum() or (moved != range(16)).sum())} of 16",
+            "0",
+            unit="particles exchanged",
+        ),
         link="setup" if together else "neighbours",
     )
 

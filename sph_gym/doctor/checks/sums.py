@@ -4,12 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, Array, Case, case, lattice
-from sph_gym.doctor.checks.neighbours import BRUTE_FORCE
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, DISTANCES, STEP, Weights, pair_weights
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
 from sph_gym.doctor.groups import respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
-from sph_gym.doctor.weights import DISTANCES, STEP, Weights, pair_weights
 
 # Densities of the crowd agree with the sums over pairs so far, or clearly don't.
 AGREE, DISAGREE = 0.01, 0.03
@@ -33,16 +32,17 @@ def pair_sums(lab: Lab) -> Finding:
             "held at rho0 from below"
         )
     for judge in (_one_sided, _twice, _cut_off, _crowded):
-        finding = judge(weights)
-        if finding:
+        if finding := judge(weights):
             return finding
     share = weights.rho / weights.predicted(weights.x)
     return passed(
         f"{len(DISTANCES)} pairs and a crowd of {len(weights.x)}: densities are sums over all",
-        float(share[np.argmax(np.abs(share - 1))]),
-        1.0,
-        unit="of the sum over pairs",
-        tolerance=f"{AGREE}",
+        Measured(
+            float(share[np.argmax(np.abs(share - 1))]),
+            1.0,
+            unit="of the sum over pairs",
+            tolerance=f"{AGREE}",
+        ),
     )
 
 
@@ -58,17 +58,16 @@ def pair_reach(lab: Lab) -> Finding:
     if not (a.max() > 1e-6 * start.c0**2 / start.h and len(felt_at) > 2):
         return inconclusive("pairs don't feel each other, at rest or in motion")
     last = felt_at[-1]
-    numbers = (float(r[last]), 1.0)
     # the weak end of a kernel may be lost among what is left of pressures that cancel
+    numbers = Measured(float(r[last]), 1.0, unit="h")
     if r[last] < 0.96 and a[last] > max(BREAK * a[last - 1], 1e-3 * a.max()):
         return failed(
             f"pairs at {len(r)} distances: the nearer ones push each other, still with "
             f"{a[last]:.3g} m/s^2 at {r[last]:.4g} h, but not at all from there on",
             LOOKS_TOO_NEAR,
-            *numbers,
-            unit="h",
+            numbers,
         )
-    return passed("what pairs feel dies away with their distance", *numbers, unit="h")
+    return passed("what pairs feel dies away with their distance", numbers)
 
 
 def _spaced_pairs(lab: Lab) -> tuple[Case, Array, Array]:
@@ -91,9 +90,7 @@ def _one_sided(weights: Weights) -> Finding | None:
         f"two particles {DISTANCES[k]} h apart: one adds {first[k]:.4g} kg/m^3 to the other, "
         f"which adds {second[k]:.4g}",
         BRUTE_FORCE + "Where pairs are listed once (i < j), both must be given their share.",
-        float(min(first[k], second[k])),
-        float(max(first[k], second[k])),
-        unit="kg/m^3",
+        Measured(float(min(first[k], second[k])), float(max(first[k], second[k])), unit="kg/m^3"),
     )
 
 
@@ -109,9 +106,7 @@ def _twice(weights: Weights) -> Finding | None:
         "particle adds to itself",
         "Each pair is counted twice: loop over i and over the neighbours of i, or over pairs with "
         "i < j and give both their share, but not both.",
-        float(ratio),
-        1.0,
-        tolerance="0.06",
+        Measured(float(ratio), 1.0, tolerance="0.06"),
     )
 
 
@@ -124,9 +119,7 @@ def _cut_off(weights: Weights) -> Finding | None:
         f"pairs at {len(DISTANCES)} distances: the nearer ones add to each other's densities, "
         f"{last:.3g} kg/m^3 still at {ends} h, but nothing from there on",
         LOOKS_TOO_NEAR,
-        ends,
-        1.0,
-        unit="h",
+        Measured(ends, 1.0, unit="h"),
     )
 
 
@@ -151,10 +144,7 @@ def _crowded(weights: Weights) -> Finding | None:
         f"is missing: {100 * (1 - shares.min()):.0f} % in the worst case",
         "Lists hold too few neighbours and drop what comes after: let them grow, or stop with an "
         f"error; {counts.max()} neighbours are common.",
-        float(shares.min()),
-        1.0,
-        unit="of the sum over pairs",
-        tolerance=f"{DISAGREE}",
+        Measured(float(shares.min()), 1.0, unit="of the sum over pairs", tolerance=f"{DISAGREE}"),
     )
 
 
@@ -169,6 +159,5 @@ def _unclear(shares: Array) -> Finding:
     return inconclusive(
         "densities of a crowd are not the sums of what pairs add, and not by the number of "
         "neighbours: they may be normalised",
-        worst,
-        1.0,
+        Measured(worst, 1.0),
     )

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 
@@ -64,9 +64,9 @@ def reproducible(lab: Lab) -> Finding:
             "the same case twice, 5 steps each: the particles end at different places",
             "Something is left over from one solver to the next (a list at the level of the module "
             "or the class), or memory is used before it is set.",
-            apart, 0.0, unit="dx", tolerance="0.001 dx",
-        )  # fmt: skip
-    return passed("the same case twice, 5 steps each: apart", apart, 0.0, unit="dx")
+            Measured(apart, 0.0, unit="dx", tolerance="0.001 dx"),
+        )
+    return passed("the same case twice, 5 steps each: apart", Measured(apart, 0.0, unit="dx"))
 
 
 @check("pressure", step=5, last=True)
@@ -78,14 +78,15 @@ def suction(lab: Lab) -> Finding:
     if not np.isfinite(pull):
         return inconclusive("not finite, which other checks judge")
     told = "a block of 5 x 5 at 1.1 dx at rest: mean pull inwards"
+    numbers = Measured(pull, 0.0, unit="c0^2 / h", tolerance="0.05")
     if pull > 0.05:
         return failed(
             f"{told}: its particles attract each other",
             "Clamp pressures to zero, p = max(0, ...): at a surface, densities by summation are "
             "low, and what Tait's equation makes of them pulls the fluid into clumps.",
-            pull, 0.0, unit="c0^2 / h", tolerance="0.05",
-        )  # fmt: skip
-    return passed(told, pull, 0.0, unit="c0^2 / h", tolerance="0.05")
+            numbers,
+        )
+    return passed(told, numbers)
 
 
 @check("force", step=3, last=True)
@@ -102,27 +103,34 @@ def blob(lab: Lab) -> Finding:
             f"{told}: it runs away as a whole, although nothing else is there",
             "What i does to j, j has to do to i: use a symmetric form of the pressure force, over "
             "complete lists of neighbours.",
-            drift / C0, 0.0, unit="c0", tolerance="0.01 c0",
-        )  # fmt: skip
-    return passed(f"{told}: highest speed", run.fastest / C0, f"< {_EXPLODED:g}", unit="c0")
+            Measured(drift / C0, 0.0, unit="c0", tolerance="0.01 c0"),
+        )
+    return passed(
+        f"{told}: highest speed", Measured(run.fastest / C0, f"< {_EXPLODED:g}", unit="c0")
+    )
 
 
 def _exploded(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
     """Tell an explosion by the length of the step from one by the forces."""
     calm = follow(lab, start, start.dt / 4, 2 * STEPS)
-    numbers = (run.fastest / C0 if run.finite else "not finite", f"< {_EXPLODED:g}")
+    numbers = Measured(
+        run.fastest / C0 if run.finite else "not finite", f"< {_EXPLODED:g}", unit="c0"
+    )
     if calm.finite and calm.fastest < _EXPLODED / 2 * C0:
         return failed(
             f"{told}: it explodes; with a quarter of the step it is calm ({calm.fastest / C0:.3g} "
-            "c0)", QUARTER, *numbers, unit="c0", link="integration",
-        )  # fmt: skip
+            "c0)",
+            QUARTER,
+            numbers,
+            link="integration",
+        )
     return failed(
         f"{told}: it explodes, with a quarter of the step as well",
         "Not the step: something attracts, or pushes too hard. Look at pairs: two squeezed "
         "particles must part, each with the same force; then at the sign and the constant of the "
         "kernel's gradient, and at B in the equation of state.",
-        *numbers, unit="c0",
-    )  # fmt: skip
+        numbers,
+    )
 
 
 @check("pressure", step=6, last=True)
@@ -135,6 +143,7 @@ def expansion(lab: Lab) -> Finding:
         return inconclusive("not finite, which other checks judge")
     share = run.energy / stored
     told = "a blob of 8 x 8 at 0.9 dx expands: kinetic energy over what Tait's equation stores"
+    numbers = Measured(share, "0.2 to 1", tolerance=f"up to {_TOO_MUCH:g}")
     if share > _TOO_MUCH:
         short = follow(lab, start, start.dt / 4, 400)
         cured = short.finite and short.energy < _TOO_MUCH * stored
@@ -145,10 +154,10 @@ def expansion(lab: Lab) -> Finding:
             else "The equation of state or the force is too strong: B is rho0 c0^2 / gamma "
             "(without gamma it is 7 times too large); the gradient's constant is that of two "
             "dimensions.",
-            share, "0.2 to 1", tolerance=f"up to {_TOO_MUCH:g}",
+            numbers,
             link="integration" if cured else "pressure",
-        )  # fmt: skip
-    return passed(told, share, "0.2 to 1", tolerance=f"up to {_TOO_MUCH:g}")
+        )
+    return passed(told, numbers)
 
 
 def _stored(start: Case, s: float) -> float:

@@ -1,7 +1,7 @@
 """Solvers with a mistake each, by name: what the doctor has to find.
 
-Each overrides a method or two of `plain.Plain`, and says what it does instead. As a factory of the
-protocol: `make(name)`, or the text "sph_gym.doctor.faults:NAME".
+In each, another function stands for a method or two of `plain.Plain`, and says what it does
+instead. As a factory of the protocol: `make(name)`, or the text "sph_gym.doctor.faults:NAME".
 """
 
 from typing import Any

@@ -3,101 +3,79 @@
 import numpy as np
 
 from sph_gym.doctor.case import Array
-from sph_gym.doctor.faults.registry import fault
+from sph_gym.doctor.faults.registry import fault, replaces
 from sph_gym.doctor.plain import Plain
 
 
-@fault("attracts", "force", 3)
-class Attracts(Plain):
+@replaces("force", "force", 3)
+def attracts(solver: Plain) -> Array:
     """The gradient has the wrong sign: compressed particles pull at each other."""
-
-    def force(self) -> Array:
-        return -super().force()
+    return -Plain.force(solver)
 
 
-@fault("one_sided", "force", 3)
-class OneSided(Plain):
+@replaces("force", "force", 3)
+def one_sided(solver: Plain) -> Array:
     """The force takes p_i alone: what i does to j is not what j does to i."""
-
-    def force(self) -> Array:
-        share = self.p / self.rho**2
-        push = -2 * self.mass * share[self.i] * self.slope(self.r)
-        return self.total_vector(push[:, None] * self.direction)
+    share = solver.p / solver.rho**2
+    push = -2 * solver.mass * share[solver.i] * solver.slope(solver.r)
+    return solver.total_vector(push[:, None] * solver.direction)
 
 
-@fault("difference_of_pressures", "force", 3)
-class DifferenceOfPressures(Plain):
+@replaces("force", "force", 3)
+def difference_of_pressures(solver: Plain) -> Array:
     """p_j / rho_j^2 - p_i / rho_i^2 where there should be a sum: pairs push in one direction."""
-
-    def force(self) -> Array:
-        share = self.p / self.rho**2
-        push = -self.mass * (share[self.j] - share[self.i]) * self.slope(self.r)
-        return self.total_vector(push[:, None] * self.direction)
+    share = solver.p / solver.rho**2
+    push = -solver.mass * (share[solver.j] - share[solver.i]) * solver.slope(solver.r)
+    return solver.total_vector(push[:, None] * solver.direction)
 
 
-@fault("poly6_gradient", "force", 8)
-class Poly6Gradient(Plain):
+@replaces("slope", "force", 8)
+def poly6_gradient(solver: Plain, r: Array) -> Array:
     """The gradient of poly6 for pressure: it vanishes where particles touch, and they pair."""
-
-    def slope(self, r: Array) -> Array:
-        return -24 / (np.pi * self.h**8) * r * np.maximum(self.h**2 - r**2, 0) ** 2
+    return -24 / (np.pi * solver.h**8) * r * np.maximum(solver.h**2 - r**2, 0) ** 2
 
 
-@fault("spiky_10", "force", 8)
-class Spiky10(Plain):
+@replaces("slope", "force", 8)
+def spiky_10(solver: Plain, r: Array) -> Array:
     """The spiky gradient has the constant -10 / (pi h^5), a third of what it should be."""
-
-    def slope(self, r: Array) -> Array:
-        return super().slope(r) / 3
+    return Plain.slope(solver, r) / 3
 
 
-@fault("spiky_of_3d", "force", 8)
-class SpikyOf3d(Plain):
+@replaces("slope", "force", 8)
+def spiky_of_3d(solver: Plain, r: Array) -> Array:
     """The spiky gradient has the constant of three dimensions, -45 / (pi h^6)."""
-
-    def slope(self, r: Array) -> Array:
-        return -45 / (np.pi * self.h**6) * np.maximum(self.h - r, 0) ** 2
+    return -45 / (np.pi * solver.h**6) * np.maximum(solver.h - r, 0) ** 2
 
 
-@fault("coincident_nan", "force", 4)
-class CoincidentNan(Plain):
+@replaces("directions", "force", 4)
+def coincident_nan(solver: Plain, d: Array, r: Array) -> Array:
     """Directions are divided by r without a look whether it is zero."""
-
-    def directions(self, d: Array, r: Array) -> Array:
-        with np.errstate(invalid="ignore"):
-            return d / r[:, None]
+    with np.errstate(invalid="ignore"):
+        return d / r[:, None]
 
 
-@fault("not_normalized", "force", 3)
-class NotNormalized(Plain):
+@replaces("directions", "force", 3)
+def not_normalized(solver: Plain, d: Array, r: Array) -> Array:
     """The direction is not divided by the distance."""
-
-    def directions(self, d: Array, r: Array) -> Array:
-        return d
+    return d
 
 
-@fault("undivided", "force", 4)
-class Undivided(Plain):
+@replaces("force", "force", 4)
+def undivided(solver: Plain) -> Array:
     """The force on a volume is taken for an acceleration: the division by rho is missing."""
-
-    def force(self) -> Array:
-        return super().force() * self.rho[:, None]
+    return Plain.force(solver) * solver.rho[:, None]
 
 
-@fault("along_x_only", "force", 3)
-class AlongXOnly(Plain):
+@replaces("force", "force", 3)
+def along_x_only(solver: Plain) -> Array:
     """The y component of the force is lost."""
-
-    def force(self) -> Array:
-        return super().force() * np.array([1.0, 0.0])
+    return Plain.force(solver) * np.array([1.0, 0.0])
 
 
-@fault("force_twice", "force", 3)
-class ForceTwice(Plain):
+@replaces("force", "force", 3)
+def force_twice(solver: Plain) -> Array:
     """A loop over all i and j adds each force to both of them, so that it acts twice."""
-
-    def force(self) -> Array:
-        return 2 * super().force()
+    return 2 * Plain.force(solver)
 
 
 @fault("one_loop", "force", 4)
@@ -113,85 +91,65 @@ class OneLoop(Plain):
         return self.total_vector(push[:, None] * self.direction)
 
 
-@fault("gravity_twice", "force", 3)
-class GravityTwice(Plain):
+@replaces("gravity", "force", 3)
+def gravity_twice(solver: Plain) -> Array:
     """Gravity is in the forces twice."""
-
-    def gravity(self) -> Array:
-        return 2 * self.case.gravity
+    return 2 * solver.case.gravity
 
 
-@fault("gravity_upwards", "force", 3)
-class GravityUpwards(Plain):
+@replaces("gravity", "force", 3)
+def gravity_upwards(solver: Plain) -> Array:
     """Gravity has the wrong sign."""
-
-    def gravity(self) -> Array:
-        return -self.case.gravity
+    return -solver.case.gravity
 
 
-@fault("gravity_downwards", "force", 3)
-class GravityDownwards(Plain):
+@replaces("gravity", "force", 3)
+def gravity_downwards(solver: Plain) -> Array:
     """Only the size of gravity is looked at: it always acts downwards."""
-
-    def gravity(self) -> Array:
-        return np.array([0.0, -np.hypot(*self.case.gravity)])
+    return np.array([0.0, -np.hypot(*solver.case.gravity)])
 
 
-@fault("gravity_times_mass", "force", 3)
-class GravityTimesMass(Plain):
+@replaces("gravity", "force", 3)
+def gravity_times_mass(solver: Plain) -> Array:
     """Gravity is multiplied by the mass, but never divided by it."""
-
-    def gravity(self) -> Array:
-        return self.mass * self.case.gravity
+    return solver.mass * solver.case.gravity
 
 
-@fault("negative_viscosity", "viscosity", 7)
-class NegativeViscosity(Plain):
+@replaces("viscosity", "viscosity", 7)
+def negative_viscosity(solver: Plain) -> Array:
     """v_i - v_j instead of v_j - v_i: differences of velocity grow."""
-
-    def viscosity(self) -> Array:
-        return -super().viscosity()
+    return -Plain.viscosity(solver)
 
 
-@fault("absolute_velocity", "viscosity", 7)
-class AbsoluteVelocity(Plain):
+@replaces("viscosity", "viscosity", 7)
+def absolute_velocity(solver: Plain) -> Array:
     """Viscosity takes -v_i for v_j - v_i: it brakes what moves as a whole."""
-
-    def viscosity(self) -> Array:
-        drag = self.case.viscosity * self.case.rho0 * self.mass * self.laplacian(self.r)
-        drag /= self.rho[self.i] * self.rho[self.j]
-        return -self.total_vector(drag[:, None] * self.v[self.i])
+    drag = solver.case.viscosity * solver.case.rho0 * solver.mass * solver.laplacian(solver.r)
+    drag /= solver.rho[solver.i] * solver.rho[solver.j]
+    return -solver.total_vector(drag[:, None] * solver.v[solver.i])
 
 
-@fault("laplacian_of_3d", "viscosity", 8)
-class LaplacianOf3d(Plain):
+@replaces("laplacian", "viscosity", 8)
+def laplacian_of_3d(solver: Plain, r: Array) -> Array:
     """The Laplacian has the constant of three dimensions, 45 / (pi h^6)."""
-
-    def laplacian(self, r: Array) -> Array:
-        return 45 / (np.pi * self.h**6) * np.maximum(self.h - r, 0)
+    return 45 / (np.pi * solver.h**6) * np.maximum(solver.h - r, 0)
 
 
-@fault("viscosity_twice", "viscosity", 7)
-class ViscosityTwice(Plain):
+@replaces("viscosity", "viscosity", 7)
+def viscosity_twice(solver: Plain) -> Array:
     """Viscosity acts twice, and the fluid is like jelly."""
-
-    def viscosity(self) -> Array:
-        return 2 * super().viscosity()
+    return 2 * Plain.viscosity(solver)
 
 
-@fault("undivided_viscosity", "viscosity", 7)
-class UndividedViscosity(Plain):
+@replaces("viscosity", "viscosity", 7)
+def undivided_viscosity(solver: Plain) -> Array:
     """Viscosity is a force on a volume that isn't divided by rho."""
-
-    def viscosity(self) -> Array:
-        return super().viscosity() * self.rho[:, None]
+    return Plain.viscosity(solver) * solver.rho[:, None]
 
 
-@fault("jelly", "viscosity", 7)
-class Jelly(Plain):
+@replaces("viscosity", "viscosity", 7)
+def jelly(solver: Plain) -> Array:
     """A viscosity of 0.5 c0 h that can't be turned off."""
-
-    def viscosity(self) -> Array:
-        drag = 0.5 * self.c0 * self.h * self.case.rho0 * self.mass * self.laplacian(self.r)
-        drag /= self.rho[self.i] * self.rho[self.j]
-        return self.total_vector(drag[:, None] * (self.v[self.j] - self.v[self.i]))
+    drag = 0.5 * solver.c0 * solver.h * solver.case.rho0 * solver.mass * solver.laplacian(solver.r)
+    drag /= solver.rho[solver.i] * solver.rho[solver.j]
+    return solver.total_vector(drag[:, None] * (solver.v[solver.j] - solver.v[solver.i]))

@@ -2,38 +2,32 @@
 
 import numpy as np
 
-from sph_gym.doctor.faults.registry import fault
+from sph_gym.doctor.faults.registry import fault, replaces
 from sph_gym.doctor.plain import Indices, Plain
 
 Pairs = tuple[Indices, Indices]
 
 
-@fault("negative_cells", "neighbours", 2)
-class NegativeCells(Plain):
+@replaces("candidates", "neighbours", 2)
+def negative_cells(solver: Plain, cells: Indices) -> Pairs:
     """The grid begins at 0: particles at negative coordinates are in no cell."""
-
-    def candidates(self, cells: Indices) -> Pairs:
-        i, j = super().candidates(cells)
-        inside = cells.min(axis=1) >= 0
-        return i[inside[i] & inside[j]], j[inside[i] & inside[j]]
+    i, j = Plain.candidates(solver, cells)
+    inside = cells.min(axis=1) >= 0
+    return i[inside[i] & inside[j]], j[inside[i] & inside[j]]
 
 
-@fault("grid_ends", "neighbours", 2)
-class GridEnds(Plain):
+@replaces("candidates", "neighbours", 2)
+def grid_ends(solver: Plain, cells: Indices) -> Pairs:
     """The grid ends 64 cells from the origin, and particles that have left it aren't found."""
-
-    def candidates(self, cells: Indices) -> Pairs:
-        i, j = super().candidates(cells)
-        inside = np.abs(cells).max(axis=1) < 64
-        return i[inside[i] & inside[j]], j[inside[i] & inside[j]]
+    i, j = Plain.candidates(solver, cells)
+    inside = np.abs(cells).max(axis=1) < 64
+    return i[inside[i] & inside[j]], j[inside[i] & inside[j]]
 
 
-@fault("half_cells", "neighbours", 2)
-class HalfCells(Plain):
+@replaces("cells", "neighbours", 2)
+def half_cells(solver: Plain) -> Indices:
     """Cells have half the support as their side, but only the eight around are searched."""
-
-    def cells(self) -> Indices:
-        return np.floor(self.x / (self.h / 2)).astype(np.int64)
+    return np.floor(solver.x / (solver.h / 2)).astype(np.int64)
 
 
 @fault("stale_lists", "neighbours", 2)
@@ -65,71 +59,57 @@ class ListsOfTheStart(Plain):
         self.direction = self.directions(d, self.r)
 
 
-@fault("missing_column", "neighbours", 2)
-class MissingColumn(Plain):
+@replaces("candidates", "neighbours", 2)
+def missing_column(solver: Plain, cells: Indices) -> Pairs:
     """The column of cells on the right is left out, by a loop that ends one too early."""
-
-    def candidates(self, cells: Indices) -> Pairs:
-        i, j = super().candidates(cells)
-        kept = cells[j, 0] <= cells[i, 0]
-        return i[kept], j[kept]
+    i, j = Plain.candidates(solver, cells)
+    kept = cells[j, 0] <= cells[i, 0]
+    return i[kept], j[kept]
 
 
-@fault("no_corner_cells", "neighbours", 2)
-class NoCornerCells(Plain):
+@replaces("candidates", "neighbours", 2)
+def no_corner_cells(solver: Plain, cells: Indices) -> Pairs:
     """The four cells that touch only at a corner are left out of the eight around."""
-
-    def candidates(self, cells: Indices) -> Pairs:
-        i, j = super().candidates(cells)
-        kept = np.abs(cells[j] - cells[i]).sum(axis=1) < 2
-        return i[kept], j[kept]
+    i, j = Plain.candidates(solver, cells)
+    kept = np.abs(cells[j] - cells[i]).sum(axis=1) < 2
+    return i[kept], j[kept]
 
 
-@fault("column_visited_twice", "neighbours", 2)
-class ColumnVisitedTwice(Plain):
+@replaces("candidates", "neighbours", 2)
+def column_visited_twice(solver: Plain, cells: Indices) -> Pairs:
     """The cells on the right are searched twice: two indices lead to one place of the hash."""
-
-    def candidates(self, cells: Indices) -> Pairs:
-        i, j = super().candidates(cells)
-        again = cells[j, 0] > cells[i, 0]
-        return np.concatenate([i, i[again]]), np.concatenate([j, j[again]])
+    i, j = Plain.candidates(solver, cells)
+    again = cells[j, 0] > cells[i, 0]
+    return np.concatenate([i, i[again]]), np.concatenate([j, j[again]])
 
 
-@fault("sixteen_neighbors", "neighbours", 2)
-class SixteenNeighbors(Plain):
+@replaces("find_neighbors", "neighbours", 2)
+def sixteen_neighbors(solver: Plain) -> None:
     """Lists hold 16 neighbours; what comes after is dropped."""
-
-    def find_neighbors(self) -> None:
-        super().find_neighbors()
-        order = np.argsort(self.i, kind="stable")
-        rank = np.arange(len(order)) - np.searchsorted(self.i[order], self.i[order])
-        kept = order[rank < 16]
-        self.i, self.j, self.r = self.i[kept], self.j[kept], self.r[kept]
-        self.direction = self.direction[kept]
+    Plain.find_neighbors(solver)
+    order = np.argsort(solver.i, kind="stable")
+    rank = np.arange(len(order)) - np.searchsorted(solver.i[order], solver.i[order])
+    kept = order[rank < 16]
+    solver.i, solver.j, solver.r = solver.i[kept], solver.j[kept], solver.r[kept]
+    solver.direction = solver.direction[kept]
 
 
-@fault("pairs_counted_twice", "neighbours", 2)
-class PairsCountedTwice(Plain):
+@replaces("candidates", "neighbours", 2)
+def pairs_counted_twice(solver: Plain, cells: Indices) -> Pairs:
     """Each neighbour is twice in the list."""
-
-    def candidates(self, cells: Indices) -> Pairs:
-        i, j = super().candidates(cells)
-        return np.concatenate([i, i]), np.concatenate([j, j])
+    i, j = Plain.candidates(solver, cells)
+    return np.concatenate([i, i]), np.concatenate([j, j])
 
 
-@fault("one_of_two", "neighbours", 2)
-class OneOfTwo(Plain):
+@replaces("candidates", "neighbours", 2)
+def one_of_two(solver: Plain, cells: Indices) -> Pairs:
     """Pairs are listed once, i < j, but only i is given its share."""
-
-    def candidates(self, cells: Indices) -> Pairs:
-        i, j = super().candidates(cells)
-        return i[i < j], j[i < j]
+    i, j = Plain.candidates(solver, cells)
+    return i[i < j], j[i < j]
 
 
-@fault("sorted_positions", "neighbours", 2)
-class SortedPositions(Plain):
+@replaces("step", "neighbours", 2)
+def sorted_positions(solver: Plain, dt: float) -> None:
     """Positions are sorted by cell in every step, velocities are not."""
-
-    def step(self, dt: float) -> None:
-        self.x = self.x[np.lexsort(self.cells().T)]
-        super().step(dt)
+    solver.x = solver.x[np.lexsort(solver.cells().T)]
+    Plain.step(solver, dt)

@@ -5,15 +5,16 @@ import time
 import numpy as np
 
 from sph_gym.doctor.case import Array, Case
-from sph_gym.doctor.faults.registry import fault
+from sph_gym.doctor.faults.registry import fault, replaces
 from sph_gym.doctor.plain import Plain
+from sph_gym.doctor.subject import Factory
 
 
 class Wrapped:
-    """A solver behind an adapter, which shows positions and velocities."""
+    """A solver behind an adapter, which shows positions and velocities and nothing else."""
 
-    def __init__(self, case: Case) -> None:
-        self.solver = Plain(case)
+    def __init__(self, case: Case, make: Factory = Plain) -> None:
+        self.solver = make(case)
 
     @property
     def x(self) -> Array:
@@ -56,36 +57,30 @@ class FixedTimeStep(Wrapped):
         self.solver.step(self.solver.case.dt)
 
 
-@fault("sorted_particles", "setup")
-class SortedParticles(Plain):
+@replaces("step", "setup")
+def sorted_particles(solver: Plain, dt: float) -> None:
     """Particles are sorted by cell in every step, all columns alike, and shown in that order."""
-
-    def step(self, dt: float) -> None:
-        super().step(dt)
-        order = np.lexsort(self.cells().T)
-        self.x, self.v = self.x[order], self.v[order]
-        self.evaluate()
+    Plain.step(solver, dt)
+    order = np.lexsort(solver.cells().T)
+    solver.x, solver.v = solver.x[order], solver.v[order]
+    solver.evaluate()
 
 
-@fault("deleted_particles", "setup")
-class DeletedParticles(Plain):
+@replaces("step", "setup")
+def deleted_particles(solver: Plain, dt: float) -> None:
     """Particles that have lost all their neighbours are deleted as spray."""
-
-    def step(self, dt: float) -> None:
-        super().step(dt)
-        kept = self.total(np.ones(len(self.i))) > 0
-        self.x, self.v, self.n = self.x[kept], self.v[kept], int(kept.sum())
-        self.evaluate()
+    Plain.step(solver, dt)
+    kept = solver.total(np.ones(len(solver.i))) > 0
+    solver.x, solver.v, solver.n = solver.x[kept], solver.v[kept], int(kept.sum())
+    solver.evaluate()
 
 
-@fault("lonely_crash", "setup")
-class LonelyCrash(Plain):
+@replaces("density", "setup")
+def lonely_crash(solver: Plain) -> Array:
     """A particle without neighbours ends in an IndexError."""
-
-    def density(self) -> Array:
-        for i in range(self.n):
-            self.neighbors(i)[0]
-        return super().density()
+    for i in range(solver.n):
+        solver.neighbors(i)[0]
+    return Plain.density(solver)
 
 
 @fault("nan_from_start", "setup")
@@ -97,10 +92,8 @@ class NanFromStart(Plain):
         self.v = np.full_like(case.v, np.nan)
 
 
-@fault("endless_step", "setup")
-class EndlessStep(Plain):
+@replaces("step", "setup")
+def endless_step(solver: Plain, dt: float) -> None:
     """A step searches on and on for something that is not there."""
-
-    def step(self, dt: float) -> None:
-        while (self.r < self.h).all():
-            time.sleep(0.01)
+    while (solver.r < solver.h).all():
+        time.sleep(0.01)

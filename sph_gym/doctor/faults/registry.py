@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
 from sph_gym.doctor.diagnosis import LINKS
+from sph_gym.doctor.plain import Plain
 from sph_gym.doctor.subject import Factory
 
 
@@ -35,5 +36,21 @@ def fault(name: str, link: str, step: int = 0) -> Callable[[Made], Made]:
         what = (made.__doc__ or "").strip().split("\n")[0]
         FAULTS[name] = Fault(link, what, step, made)
         return made
+
+    return add
+
+
+def replaces(method: str, link: str, step: int = 0) -> Callable[[Made], Made]:
+    """Add the article's solver with the decorated function in place of one of its methods.
+
+    The fault has the name of the function.
+    """
+
+    def add(function: Made) -> Made:
+        name = function.__name__
+        title = "".join(word.capitalize() for word in name.split("_"))
+        members = {method: function, "__doc__": function.__doc__, "__module__": function.__module__}
+        fault(name, link, step)(type(title, (Plain,), members))
+        return function
 
     return add

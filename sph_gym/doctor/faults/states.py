@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import Array, Case
-from sph_gym.doctor.faults.registry import fault
+from sph_gym.doctor.faults.registry import fault, replaces
 from sph_gym.doctor.plain import Plain
 
 
@@ -14,20 +14,16 @@ class UsualMass(Plain):
         return self.case.rho0 * self.case.dx**2
 
 
-@fault("no_own_share", "density", 4)
-class NoOwnShare(Plain):
+@replaces("density", "density", 4)
+def no_own_share(solver: Plain) -> Array:
     """A particle doesn't count for its own density."""
-
-    def density(self) -> Array:
-        return self.mass * self.total(self.weight(self.r))
+    return solver.mass * solver.total(solver.weight(solver.r))
 
 
-@fault("own_share_twice", "density", 4)
-class OwnShareTwice(Plain):
+@replaces("density", "density", 4)
+def own_share_twice(solver: Plain) -> Array:
     """A particle counts twice for its own density: it is in its own list, too."""
-
-    def density(self) -> Array:
-        return super().density() + self.mass * self.weight(np.zeros(self.n))
+    return Plain.density(solver) + solver.mass * solver.weight(np.zeros(solver.n))
 
 
 @fault("poly6_of_3d", "density", 8)
@@ -49,13 +45,11 @@ class TwiceTheSupport(Plain):
         self.evaluate()
 
 
-@fault("half_the_support", "density", 8)
-class HalfTheSupport(Plain):
+@replaces("weight", "density", 8)
+def half_the_support(solver: Plain, r: Array) -> Array:
     """The density kernel ends at h / 2."""
-
-    def weight(self, r: Array) -> Array:
-        h = self.h / 2
-        return 4 / (np.pi * h**8) * np.maximum(h**2 - r**2, 0) ** 3
+    h = solver.h / 2
+    return 4 / (np.pi * h**8) * np.maximum(h**2 - r**2, 0) ** 3
 
 
 @fault("r_for_its_square", "density", 8)
@@ -66,68 +60,52 @@ class RForItsSquare(UsualMass):
         return 4 / (np.pi * self.h**8) * np.maximum(self.h**2 - r, 0) ** 3
 
 
-@fault("twice_the_mass", "density", 4)
-class TwiceTheMass(Plain):
+@replaces("calibrated_mass", "density", 4)
+def twice_the_mass(solver: Plain) -> float:
     """Particles have twice the mass that belongs to their spacing."""
-
-    def calibrated_mass(self) -> float:
-        return 2 * super().calibrated_mass()
+    return 2 * Plain.calibrated_mass(solver)
 
 
-@fault("mass_of_one", "density", 4)
-class MassOfOne(Plain):
+@replaces("calibrated_mass", "density", 4)
+def mass_of_one(solver: Plain) -> float:
     """Particles have the mass 1, whatever rho0 and dx are."""
-
-    def calibrated_mass(self) -> float:
-        return 1.0
+    return 1.0
 
 
-@fault("density_of_the_start", "density", 4)
-class DensityOfTheStart(Plain):
+@replaces("density", "density", 4)
+def density_of_the_start(solver: Plain) -> Array:
     """Densities are computed at the start and never again."""
-
-    def density(self) -> Array:
-        return self.rho if hasattr(self, "rho") else super().density()
+    return solver.rho if hasattr(solver, "rho") else Plain.density(solver)
 
 
-@fault("density_piles_up", "density", 4)
-class DensityPilesUp(Plain):
+@replaces("density", "density", 4)
+def density_piles_up(solver: Plain) -> Array:
     """Densities are not set to zero before the sum."""
-
-    def density(self) -> Array:
-        return super().density() + getattr(self, "rho", 0.0)
+    return Plain.density(solver) + getattr(solver, "rho", 0.0)
 
 
-@fault("no_gamma_in_b", "pressure", 6)
-class NoGammaInB(Plain):
+@replaces("tait_stiffness", "pressure", 6)
+def no_gamma_in_b(solver: Plain) -> float:
     """Tait's B is rho0 c0^2, without the division by gamma."""
-
-    def tait_stiffness(self) -> float:
-        return self.case.rho0 * self.case.c0**2
+    return solver.case.rho0 * solver.case.c0**2
 
 
-@fault("gas_law", "pressure", 6)
-class GasLaw(Plain):
+@replaces("pressure", "pressure", 6)
+def gas_law(solver: Plain) -> Array:
     """The textbook gas law, c0^2 (rho - rho0), instead of Tait's equation."""
-
-    def pressure(self) -> Array:
-        return np.maximum(self.c0**2 * (self.rho - self.case.rho0), 0.0)
+    return np.maximum(solver.c0**2 * (solver.rho - solver.case.rho0), 0.0)
 
 
-@fault("soft_gas_law", "pressure", 6)
-class SoftGasLaw(Plain):
+@replaces("pressure", "pressure", 6)
+def soft_gas_law(solver: Plain) -> Array:
     """The textbook gas law with a constant that somebody else's fluid had, 20 J/kg."""
-
-    def pressure(self) -> Array:
-        return np.maximum(20.0 * (self.rho - self.case.rho0), 0.0)
+    return np.maximum(20.0 * (solver.rho - solver.case.rho0), 0.0)
 
 
-@fault("gamma_of_three", "pressure", 6)
-class GammaOfThree(Plain):
+@replaces("pressure", "pressure", 6)
+def gamma_of_three(solver: Plain) -> Array:
     """The exponent of Tait's equation is 3, with the B of 7."""
-
-    def pressure(self) -> Array:
-        return np.maximum(self.stiffness * ((self.rho / self.case.rho0) ** 3 - 1), 0.0)
+    return np.maximum(solver.stiffness * ((solver.rho / solver.case.rho0) ** 3 - 1), 0.0)
 
 
 @fault("no_clamp", "pressure", 5)
@@ -154,21 +132,17 @@ class AbsolutePressure(NoClamp):
         return np.abs(super().pressure())
 
 
-@fault("no_minus_one", "pressure", 6)
-class NoMinusOne(Plain):
+@replaces("pressure", "pressure", 6)
+def no_minus_one(solver: Plain) -> Array:
     """Tait's equation without its - 1: fluid at rest is under pressure."""
-
-    def pressure(self) -> Array:
-        return self.stiffness * (self.rho / self.case.rho0) ** self.case.gamma
+    return solver.stiffness * (solver.rho / solver.case.rho0) ** solver.case.gamma
 
 
-@fault("ratio_upside_down", "pressure", 6)
-class RatioUpsideDown(Plain):
+@replaces("pressure", "pressure", 6)
+def ratio_upside_down(solver: Plain) -> Array:
     """rho0 / rho instead of rho / rho0: thin fluid pushes, dense fluid doesn't."""
-
-    def pressure(self) -> Array:
-        ratio = self.case.rho0 / self.rho
-        return np.maximum(self.stiffness * (ratio**self.case.gamma - 1), 0.0)
+    ratio = solver.case.rho0 / solver.rho
+    return np.maximum(solver.stiffness * (ratio**solver.case.gamma - 1), 0.0)
 
 
 @fault("pressure_of_the_step_before", "pressure", 4)

@@ -15,7 +15,7 @@ from pysph.sph import equation
 from pysph.sph.scheme import WCSPHScheme
 
 from sph_gym.doctor.case import Case
-from sph_gym.doctor.foreign.boundary import boundary
+from sph_gym.doctor.foreign.shared import boundary
 
 
 class PySPH:

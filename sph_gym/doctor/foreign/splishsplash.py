@@ -13,13 +13,7 @@ the system has no libGL.so.1.
 import numpy as np
 
 from sph_gym.doctor.case import Array, Case
-from sph_gym.doctor.foreign.shared import (
-    configure,
-    in_plane,
-    in_space,
-    only_open_space,
-    require,
-)
+from sph_gym.doctor.foreign.shared import configure, in_plane, in_space, only_open_space, require
 
 # the wheel brings a part of OpenGL's libraries
 require("pysplishsplash", (2, 17), "they need a scene file", library="libGL.so.1")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.survey import RecordingSurvey, nearest
 from sph_gym.doctor.reading.frames import Array
 
@@ -22,9 +22,10 @@ def suction(survey: RecordingSurvey) -> Finding:
     negative = max(float((f.p < 0).mean()) for f in survey.samples if f.p is not None)
     shares = [_share_nearer(f.x, CLUMPED * survey.spacing) for f in survey.samples]
     before, worst = shares[0], max(shares)
+    numbers = Measured(worst, before, unit=UNIT, tolerance=f"{CURDLED:g}")
     if negative < USUAL or before > USUAL or worst < ODD:
         text = f"up to {100 * negative:.0f} % negative pressures, and no clumps by them"
-        return passed(text, worst, before, unit=UNIT, tolerance=f"{CURDLED:g}")
+        return passed(text, numbers)
     text = (
         f"pressures of up to {100 * negative:.0f} % of the particles are negative, and "
         f"{100 * worst:.0f} % come closer than {CLUMPED:g} spacings to another "
@@ -32,15 +33,10 @@ def suction(survey: RecordingSurvey) -> Finding:
     )
     scene = survey.known.scene
     if worst < CURDLED or (scene is not None and not scene.fluid.clamp):
-        return inconclusive(f"{text}; with p = max(0, p) they might not", worst, before, unit=UNIT)
-    return failed(
-        f"{text}: suction curdles the fluid",
-        "Clamp pressures: p = max(0, p).",
-        worst,
-        before,
-        unit=UNIT,
-        tolerance=f"{CURDLED:g}",
-    )
+        return inconclusive(
+            f"{text}; with p = max(0, p) they might not", Measured(worst, before, unit=UNIT)
+        )
+    return failed(f"{text}: suction curdles the fluid", "Clamp pressures: p = max(0, p).", numbers)
 
 
 def clumping(survey: RecordingSurvey) -> Finding:
@@ -55,7 +51,7 @@ def clumping(survey: RecordingSurvey) -> Finding:
     if shares[-1] > CURDLED and shares[0] < USUAL:
         return _paired(survey, shares)
     text = "particles keep their distance"
-    return passed(text, shares[-1], shares[0], unit=UNIT, tolerance=f"{CURDLED:g}")
+    return passed(text, Measured(shares[-1], shares[0], unit=UNIT, tolerance=f"{CURDLED:g}"))
 
 
 def _paired(survey: RecordingSurvey, shares: list[float]) -> Finding:
@@ -63,24 +59,20 @@ def _paired(survey: RecordingSurvey, shares: list[float]) -> Finding:
         f"{100 * shares[-1]:.0f} % of the particles end closer than {PAIRED:g} spacings to another "
         f"({100 * shares[0]:.0f} % at the start)"
     )
-    numbers = (shares[-1], shares[0])
     pressures = [f.p for f in survey.samples if f.p is not None]
+    numbers = Measured(shares[-1], shares[0], unit=UNIT, tolerance=f"{CURDLED:g}")
     if pressures and not any((p < 0).any() for p in pressures):
         return failed(
             f"{text}, though no pressure is negative: they form pairs",
             "Take the gradient of the spiky kernel for pressure: poly6's vanishes for near "
             "particles. With other kernels, take fewer neighbours.",
-            *numbers,
-            unit=UNIT,
-            tolerance=f"{CURDLED:g}",
+            numbers,
         )
     return failed(
         f"{text}; there are negative pressures or none at all in the recording",
         "Clamp pressures at zero first; then look at the gradient of the kernel for pressure: "
         "poly6's vanishes for near particles, spiky's doesn't.",
-        *numbers,
-        unit=UNIT,
-        tolerance=f"{CURDLED:g}",
+        numbers,
         link="pressure",
     )
 
@@ -97,23 +89,20 @@ def _coincident(survey: RecordingSurvey, worst: int) -> Finding:
         return inconclusive(
             f"{text}, all of them at the border of the fluid: walls that clamp positions put them "
             "on top of each other in corners",
-            int(same.sum()),
-            0,
-            unit="particles",
+            Measured(int(same.sum()), 0, unit="particles"),
         )
     return _on_top(survey, text, int(same.sum()))
 
 
 def _on_top(survey: RecordingSurvey, text: str, n: int) -> Finding:
     pressures = [f.p for f in survey.samples if f.p is not None]
+    numbers = Measured(n, 0, unit="particles")
     if pressures and not any(p.any() for p in pressures):
         return failed(
             f"{text}, and all pressures of all frames are zero: nothing keeps particles apart",
             "Densities that never come above that of rest give no pressure: look at the mass of a "
             "particle, rho0 dx^2 in two dimensions, and at the constant of the kernel.",
-            n,
-            0,
-            unit="particles",
+            numbers,
             link="density",
         )
     return failed(
@@ -121,9 +110,7 @@ def _on_top(survey: RecordingSurvey, text: str, n: int) -> Finding:
         "Particles at one place have no direction to part in: the pressure force must keep them "
         "from coming so close (sign, gradient of the kernel); a small random push parts those "
         "that did.",
-        n,
-        0,
-        unit="particles",
+        numbers,
     )
 
 

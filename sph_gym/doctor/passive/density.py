@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.laws import FITS, law
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.passive.pressure import FITS, law
 from sph_gym.doctor.passive.survey import RecordingSurvey, distances, nearest
 from sph_gym.doctor.reading import Frame
 from sph_gym.doctor.reading.frames import Array
@@ -48,25 +48,37 @@ def _against_crowding(survey: RecordingSurvey, frames: list[Frame]) -> Finding:
     inside = [_is_inside(each, usual) for each in crowding]
     if inside[0].sum() < 10:
         return inconclusive("hardly any particle is surrounded by others at the start")
-    medians = [float(np.median(f.rho[m])) for f, m in zip(frames, inside, strict=True)
-               if f.rho is not None and m.sum() >= 10]  # fmt: skip
+    medians = [
+        float(np.median(f.rho[m]))
+        for f, m in zip(frames, inside, strict=True)
+        if f.rho is not None and m.sum() >= 10
+    ]
     rest, (low, high) = _rest(survey)
     if not math.isnan(rest) and not low < medians[0] / rest < high:
         return _not_at_rest(medians[0], rest)
     if _never_renewed(survey, frames, np.abs(crowding[0] - crowding[-1]) / usual):
-        return _kept()
+        return failed(
+            "every particle keeps the density of frame 0 to the last digit, while those around it "
+            "change",
+            "Sum the densities in every step, after particles have moved and before pressures are "
+            "computed.",
+            Measured("the same", "another one"),
+        )
     if survey.change is None and not survey.reordered:
-        worst = max(_share_off(frames[0], f, inside[0] & m)
-                    for f, m in zip(frames, inside, strict=True))  # fmt: skip
+        worst = max(
+            _share_off(frames[0], f, inside[0] & m) for f, m in zip(frames, inside, strict=True)
+        )
         if worst > FEW:
             return _disagrees(worst)
     expected = medians[0] if math.isnan(rest) else rest
     return passed(
         "densities inside the fluid stay near rest",
-        medians[-1],
-        expected,
-        unit="kg/m^3, median inside",
-        tolerance="half, where as many particles are near as at the start",
+        Measured(
+            medians[-1],
+            expected,
+            unit="kg/m^3, median inside",
+            tolerance="half, where as many particles are near as at the start",
+        ),
     )
 
 
@@ -139,9 +151,7 @@ def _not_positive(survey: RecordingSurvey, frame: Frame) -> Finding:
         f"{frame.time:.4g} s; {(frame.rho <= 0).sum()} particles have none above zero",
         "Begin the sum of each density with the particle's own share m W(0): it is positive even "
         "without neighbours.",
-        float(frame.rho[i]),
-        "above 0",
-        unit="kg/m^3",
+        Measured(float(frame.rho[i]), "above 0", unit="kg/m^3"),
     )
 
 
@@ -151,21 +161,12 @@ def _not_at_rest(measured: float, rest: float) -> Finding:
         f"is at rest at {rest:.4g}",
         "Look at the mass of a particle, rho0 dx^2 in two dimensions; at the constant of the "
         "kernel, 2D or 3D; at the neighbours that are summed over.",
-        measured,
-        rest,
-        unit="kg/m^3",
-        tolerance=f"{REST[0]:g} to {REST[1]:g} times, {PRESSED:g} if the spacing isn't known",
-    )
-
-
-def _kept() -> Finding:
-    return failed(
-        "every particle keeps the density of frame 0 to the last digit, while those around it "
-        "change",
-        "Sum the densities in every step, after particles have moved and before pressures are "
-        "computed.",
-        "the same",
-        "another one",
+        Measured(
+            measured,
+            rest,
+            unit="kg/m^3",
+            tolerance=f"{REST[0]:g} to {REST[1]:g} times, {PRESSED:g} if the spacing isn't known",
+        ),
     )
 
 
@@ -176,9 +177,6 @@ def _disagrees(share: float) -> Finding:
         "over the same neighbours doesn't change",
         "Compare the neighbours with those of a search through all pairs: lists may be old, cells "
         "too small, columns left out, or pairs counted twice.",
-        share,
-        0.0,
-        unit="share of the particles inside",
-        tolerance=f"{FEW:g}",
+        Measured(share, 0.0, unit="share of the particles inside", tolerance=f"{FEW:g}"),
         link="neighbours",
     )

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.laws import sound_speed
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading.frames import Array
 from sph_gym.solver.scene import Scene
@@ -31,8 +31,9 @@ def momentum(survey: RecordingSurvey) -> Finding:
     off = float(np.abs(change).max()) / max(size, 1e-300)
     if scene is not None:
         return _free_fall(survey, scene, change, size)
+    numbers = Measured(off, 0.0, unit=UNIT)
     if off < DRIFT:
-        return passed("the momentum stays: no force from outside acts", off, 0.0, unit=UNIT)
+        return passed("the momentum stays: no force from outside acts", numbers)
     if np.isfinite(times).all() and np.ptp(times) > 0:
         g = np.array([np.polyfit(times - times[0], column, 1)[0] for column in change.T])
         rest = change - g * (times - times[0])[:, None]
@@ -40,7 +41,7 @@ def momentum(survey: RecordingSurvey) -> Finding:
             text = ", ".join(f"{part:.4g}" for part in g)
             return passed(f"the momentum changes as under a gravity of ({text}) m/s^2")
     return inconclusive(
-        "the momentum changes; what walls and gravity do to it can't be told", off, 0.0, unit=UNIT
+        "the momentum changes; what walls and gravity do to it can't be told", numbers
     )
 
 
@@ -52,18 +53,15 @@ def _free_fall(survey: RecordingSurvey, scene: Scene, change: Array, size: float
     times = np.array([look.time for look in survey.looks])
     fall = effects.gravity_at(0.0) * (times - times[0])[:, None]
     off = float(np.abs(change - fall).max()) / max(size, 1e-300)
+    numbers = Measured(off, 0.0, unit=UNIT, tolerance=f"{DRIFT:g}")
     if off < DRIFT:
-        return passed("the momentum is that of a free fall", off, 0.0, unit=UNIT,
-                      tolerance=f"{DRIFT:g}")  # fmt: skip
+        return passed("the momentum is that of a free fall", numbers)
     return failed(
         "the fluid is free but for gravity, and yet its momentum changes: particles push others "
         "harder than they are pushed back",
         "Give both particles of a pair the same force: -m (p_i / rho_i^2 + p_j / rho_j^2) times "
         "the gradient, or a mean of the two pressures.",
-        off,
-        0.0,
-        unit=UNIT,
-        tolerance=f"{DRIFT:g}",
+        numbers,
     )
 
 
@@ -78,12 +76,11 @@ def energy(survey: RecordingSurvey) -> Finding:
             f"the mean kinetic energy grows to {kinetic.max() / (c**2 / 2):.3g} times that of all "
             f"particles at the speed of sound ({c:.4g} m/s)",
             _CAUSES,
-            float(kinetic.max() / (c**2 / 2)),
-            f"below {BURST:g}",
-            unit="c0^2 / 2",
+            Measured(float(kinetic.max() / (c**2 / 2)), f"below {BURST:g}", unit="c0^2 / 2"),
         )
-    scene = survey.known.scene
-    if scene is None or survey.first.rho is None or not _closed(scene) or not _steady(survey):
+    scene, stiffness = survey.known.scene, survey.known.stiffness
+    changes = stiffness is not None and np.ptp(stiffness) > 0
+    if scene is None or survey.first.rho is None or not _closed(scene) or changes:
         return inconclusive("what walls, gravity and controls give to the fluid can't be told")
     return _balance(survey, scene, kinetic)
 
@@ -105,17 +102,18 @@ def _balance(survey: RecordingSurvey, scene: Scene, kinetic: Array) -> Finding:
     # a fluid at rest that trembles has no energy worth speaking of
     quiet = kinetic.max() < (0.01 * scene.fluid.c0) ** 2 / 2
     if worst < SURPLUS or quiet:
-        return passed("no energy comes from nowhere", max(worst, 0.0), 0.0,
-                      unit="share of the energy at stake", tolerance=f"{SURPLUS:g}")  # fmt: skip
+        return passed(
+            "no energy comes from nowhere",
+            Measured(
+                max(worst, 0.0), 0.0, unit="share of the energy at stake", tolerance=f"{SURPLUS:g}"
+            ),
+        )
     k = int(np.argmax(total))
     return failed(
         f"in {survey.when(k)}, kinetic and potential energy are more than at the start, with all "
         "that compression had stored, by a share that can't come from within",
         _CAUSES,
-        worst,
-        0.0,
-        unit="share of the energy at stake",
-        tolerance=f"{SURPLUS:g}",
+        Measured(worst, 0.0, unit="share of the energy at stake", tolerance=f"{SURPLUS:g}"),
     )
 
 
@@ -150,8 +148,3 @@ def _closed(scene: Scene) -> bool:
         walls.motion is None and not np.any(walls.velocities) and not walls.is_periodic
     )
     return still and effects.surface_tension is None and (effects.field is None or _uniform(scene))
-
-
-def _steady(survey: RecordingSurvey) -> bool:
-    known = survey.known.stiffness
-    return known is None or bool(np.ptp(known) == 0)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
 from sph_gym.doctor.reading.frames import Array
@@ -30,19 +30,13 @@ def escape(survey: RecordingSurvey) -> Finding:
     walls = None if scene is None else scene.walls
     if walls is not None and (walls.is_periodic or walls.motion is not None):
         return inconclusive("walls that move and periodic sides are not judged")
-    if walls is not None and walls.box is not None:
-        found = _beyond(survey, walls.box)
-        if found is not None:
-            return found
-    if survey.walls is not None and not survey.walls_move and _followed(survey):
-        found = _through(survey, survey.walls)
-        if found is not None:
-            return found
+    box = None if walls is None else walls.box
+    if box is not None and (found := _beyond(survey, box)):
+        return found
+    followed = survey.change is None and not survey.reordered and not survey.walls_move
+    if followed and survey.walls is not None and (found := _through(survey, survey.walls)):
+        return found
     return _far(survey)
-
-
-def _followed(survey: RecordingSurvey) -> bool:
-    return survey.change is None and not survey.reordered
 
 
 def _beyond(survey: RecordingSurvey, box: tuple[float, float, float, float]) -> Finding | None:
@@ -56,10 +50,9 @@ def _beyond(survey: RecordingSurvey, box: tuple[float, float, float, float]) -> 
                 f"spacing outside the box; particle {survey.name(frame, i)} is at "
                 f"({frame.x[i, 0]:.4g}, {frame.x[i, 1]:.4g}) m",
                 _LEAK,
-                float(depth[i]) / survey.spacing,
-                0.0,
-                unit="spacings outside",
-                tolerance="1",
+                Measured(
+                    float(depth[i]) / survey.spacing, 0.0, unit="spacings outside", tolerance="1"
+                ),
             )
     return None
 
@@ -77,8 +70,7 @@ def _through(survey: RecordingSurvey, walls: Array) -> Finding | None:
         a = survey.fluid(k)
         for m in range(k + 1, last + 1):
             b = survey.fluid(m)
-            found = _leak(survey, a, b, (low, high), walls)
-            if found is not None:
+            if (found := _leak(survey, a, b, (low, high), walls)) is not None:
                 return found
             a = b
     return None
@@ -89,9 +81,12 @@ def _leak(
 ) -> Finding | None:
     i, points, axes = _crossing(a, b, *ends)
     leaks = np.array(
-        [_is_between(p, axis, walls, GAP * survey.spacing)
-         for p, axis in zip(points, axes, strict=True)], bool
-    )  # fmt: skip
+        [
+            _is_between(p, axis, walls, GAP * survey.spacing)
+            for p, axis in zip(points, axes, strict=True)
+        ],
+        bool,
+    )
     if not leaks.any():
         return None
     first = int(np.argmax(leaks))
@@ -100,9 +95,7 @@ def _leak(
         f"rectangle around fluid and walls; particle {survey.name(a, int(i[first]))} does so "
         f"between wall particles, at ({points[first, 0]:.4g}, {points[first, 1]:.4g}) m",
         _LEAK,
-        int(leaks.sum()),
-        0,
-        unit="particles",
+        Measured(int(leaks.sum()), 0, unit="particles"),
     )
 
 
@@ -137,12 +130,11 @@ def _far(survey: RecordingSurvey) -> Finding:
         away = np.abs(frame.x - middle).max(axis=1) / size
         if away.max() > worst:
             worst, where, n = float(away.max()), k, int((away > FAR).sum())
+    numbers = Measured(worst, FAR, unit="extents of the fluid")
     if worst > FAR:
         return inconclusive(
             f"in {survey.when(where)}, {n} particles are more than {FAR:g} times as far from the "
             "middle as nine tenths of the fluid; without known walls this may be spray",
-            worst,
-            FAR,
-            unit="extents of the fluid",
+            numbers,
         )
-    return passed("all particles stay together", worst, FAR, unit="extents of the fluid")
+    return passed("all particles stay together", numbers)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
 from sph_gym.doctor.passive.survey import CHAIN, Change, RecordingSurvey, nearest
 from sph_gym.doctor.reading import Frame
 
@@ -21,8 +21,7 @@ def layout(survey: RecordingSurvey) -> Finding:
     return passed(
         f"{recording.form}: {len(recording)} frames of {n} fluid and {n_walls} wall particles in "
         f"{d} dimensions, with {', '.join(columns)}",
-        f"{len(recording)} frames of {n} fluid particles",
-        "at least 1",
+        Measured(f"{len(recording)} frames of {n} fluid particles", "at least 1"),
     )
 
 
@@ -30,7 +29,7 @@ def finite(survey: RecordingSurvey) -> Finding:
     """Find the first density, pressure, velocity or position that is not finite."""
     bad = survey.bad
     if bad is None:
-        return passed("all numbers of all frames are finite", 0, 0, unit="not finite")
+        return passed("all numbers of all frames are finite", Measured(0, 0, unit="not finite"))
     names = {"rho": "density", "p": "pressure", "v": "velocity", "x": "position"}
     before = f"; frame {bad.frame - 1} is finite" if bad.frame else ", from the start"
     return failed(
@@ -40,8 +39,7 @@ def finite(survey: RecordingSurvey) -> Finding:
         "Let the solver stop at the first value that is not finite (`watch`). The usual causes: a "
         "density of zero, where a particle without neighbours lacks its own share; a distance of "
         "zero between two particles at one place; a time step that is too long.",
-        f"{bad.column} in frame {bad.frame}",
-        "finite",
+        Measured(f"{bad.column} in frame {bad.frame}", "finite"),
         link=CHAIN[bad.column] if bad.frame or bad.column in ("rho", "p") else "setup",
     )
 
@@ -54,8 +52,7 @@ def particles(survey: RecordingSurvey) -> Finding:
             "differ",
             "Give every particle a number of its own, also to those that are put in later, and "
             "sort it with all other columns.",
-            "twice the same",
-            "all differ",
+            Measured("twice the same", "all differ"),
         )
     if survey.change is not None:
         return _changed(survey, survey.change)
@@ -66,6 +63,7 @@ def _changed(survey: RecordingSurvey, change: Change) -> Finding:
     some = f" ({', '.join(change.names)})" if change.names else ""
     lost, gained = len(change.lost), change.gained
     counts = f"{survey.looks[change.frame - 1].n} then {survey.looks[change.frame].n}"
+    numbers = Measured(counts, "the same number", unit="particles")
     if lost:
         x = survey.frame(change.frame - 1).x
         if survey.walls is not None:
@@ -78,17 +76,13 @@ def _changed(survey: RecordingSurvey, change: Change) -> Finding:
                 f"were more than {BORDER:g} spacings inside all others, where nothing flows out",
                 "Look for what deletes particles: a limit of density or speed, or a column that "
                 "was shortened. What it deletes is the trace of an earlier fault.",
-                counts,
-                "the same number",
-                unit="particles",
+                numbers,
             )
     return inconclusive(
         f"from {survey.when(change.frame)} on the particles are others: {lost} known ones lost"
         f"{some}, {gained} more than before. An inlet, an outlet or a limit of the domain does "
         "that too",
-        counts,
-        "the same number",
-        unit="particles",
+        numbers,
     )
 
 
@@ -102,7 +96,7 @@ def _in_order(survey: RecordingSurvey) -> Finding:
         if np.median(near) < 0.3 * survey.spacing and _scattered(a, b) > 2 * survey.spacing:
             survey.reordered = True
             return _exchanged(survey, k, a, b)
-    return passed("the same particles in all frames", n, n, unit="particles")
+    return passed("the same particles in all frames", Measured(n, n, unit="particles"))
 
 
 def _scattered(a: Frame, b: Frame) -> float:
@@ -130,16 +124,17 @@ def _exchanged(survey: RecordingSurvey, k: int, a: Frame, b: Frame) -> Finding:
                 "are not: a velocity no longer belongs to its particle",
                 "Sort velocities, densities and all other columns by the same permutation as the "
                 "positions.",
-                as_x / size,
-                0.0,
-                tolerance="change of velocity in its row of x, as a share of the speed",
+                Measured(
+                    as_x / size,
+                    0.0,
+                    tolerance="change of velocity in its row of x, as a share of the speed",
+                ),
                 link="neighbours",
             )
     return inconclusive(
         f"from {survey.when(k)} to the next, rows belong to other particles, and there are no "
         "identities: the motion of single particles can't be followed. Write an id with each",
-        "another order",
-        "the same order",
+        Measured("another order", "the same order"),
     )
 
 

@@ -4,11 +4,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sph_gym.doctor.findings import Finding, failed, inconclusive, passed, skipped
+from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.identity import interval
-from sph_gym.doctor.passive.laws import sound_speed
+from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
 
@@ -64,22 +63,19 @@ def motion(survey: RecordingSurvey) -> Finding:
         )
     ratio = float(np.median(ratios))
     if abs(ratio - 1) >= TOLERANCE and np.ptp(ratios) < 0.3 * abs(ratio):
-        return _too_far(ratio, len(along))
+        return failed(
+            f"between frames, particles move along their velocities, but {ratio:.4g} times as far "
+            f"as time and velocity say, in {len(along)} pairs of frames alike",
+            "Is x changed by dt * v, with the whole dt, once a step? If the factor is a power of "
+            "ten, times, velocities or positions are written in other units.",
+            Measured(ratio, 1.0, unit="m / m", tolerance="15 %"),
+        )
     if abs(ratio - 1) >= TOLERANCE:
-        return inconclusive("particles move farther than they should in some frames", ratio, 1.0)
-    return passed("particles move as far as their velocities say", ratio, 1.0, tolerance="15 %")
-
-
-def _too_far(ratio: float, n: int) -> Finding:
-    return failed(
-        f"between frames, particles move along their velocities, but {ratio:.4g} times as far as "
-        f"time and velocity say, in {n} pairs of frames alike",
-        "Is x changed by dt * v, with the whole dt, once a step? If the factor is a power of ten, "
-        "times, velocities or positions are written in other units.",
-        ratio,
-        1.0,
-        unit="m / m",
-        tolerance="15 %",
+        return inconclusive(
+            "particles move farther than they should in some frames", Measured(ratio, 1.0)
+        )
+    return passed(
+        "particles move as far as their velocities say", Measured(ratio, 1.0, tolerance="15 %")
     )
 
 
@@ -91,10 +87,7 @@ def _unrelated(steps: list[FrameStep]) -> Finding:
         "Does every velocity belong to its particle? If positions are sorted into cells, sort "
         "velocities too. Else look at what else moves particles: XSPH adds a small share of the "
         "velocities around, divided by the density.",
-        aside,
-        0.0,
-        unit="share of the displacement",
-        tolerance="0.3",
+        Measured(aside, 0.0, unit="share of the displacement", tolerance="0.3"),
     )
 
 
@@ -134,11 +127,9 @@ def frozen(survey: RecordingSurvey) -> Finding:
     way, slow = SHORT * survey.spacing, speed * step < CREEP * survey.spacing
     stuck = survey.still & (speed * whole > way) & ~slow
     if not stuck.any():
-        return passed("every particle with a velocity moves", 0, 0, unit="particles stuck")
-    return _stuck(survey, stuck)
-
-
-def _stuck(survey: RecordingSurvey, stuck: NDArray[np.bool_]) -> Finding:
+        return passed(
+            "every particle with a velocity moves", Measured(0, 0, unit="particles stuck")
+        )
     x, i = survey.first.x, int(np.argmax(stuck))
     beside = np.minimum(x - x.min(axis=0), x.max(axis=0) - x).min(axis=1) < 0.1 * survey.spacing
     clamped = bool(beside[stuck].all()) and not survey.still.all()
@@ -149,9 +140,7 @@ def _stuck(survey: RecordingSurvey, stuck: NDArray[np.bool_]) -> Finding:
         if clamped
         else "Is x changed in every step, for every particle, and is the x that is written the one "
         "that is changed?",
-        int(stuck.sum()),
-        0,
-        unit="particles",
+        Measured(int(stuck.sum()), 0, unit="particles"),
         link="walls" if clamped else "",
     )
 
@@ -179,19 +168,26 @@ def _judged(fast: float, burst: float, c: float, top: float) -> Finding:
             f"sound ({c:.4g} m/s): the fluid burst",
             "Halve the time step first; if it still bursts, look at the sign and the symmetry of "
             "the pressure force, then at the stiffness.",
-            top,
-            0.1,
-            unit="largest Mach number",
-            tolerance=f"at most {BURST:g} but for {100 * MANY:.0f} % of the particles",
+            Measured(
+                top,
+                0.1,
+                unit="largest Mach number",
+                tolerance=f"at most {BURST:g} but for {100 * MANY:.0f} % of the particles",
+            ),
         )
     if fast > FEW:
         return inconclusive(
             f"{100 * fast:.0f} % of the particles are faster than {FAST:g} times the speed of "
             f"sound ({c:.4g} m/s): the fluid isn't weakly compressible any more. A speed of sound "
             "ten times the largest speed keeps it so",
+            Measured(top, 0.1, unit="largest Mach number"),
+        )
+    return passed(
+        "speeds are well below that of sound",
+        Measured(
             top,
             0.1,
             unit="largest Mach number",
-        )
-    return passed("speeds are well below that of sound", top, 0.1, unit="largest Mach number",
-                  tolerance=f"at most {FAST:g} but for 1 % of the particles")  # fmt: skip
+            tolerance=f"at most {FAST:g} but for 1 % of the particles",
+        ),
+    )

@@ -219,15 +219,16 @@ def value_gains(points: Sequence[Point], knob: str, cost: str) -> list[ValueGain
 def _value(knob: str, own: Sequence[Point], runs: Sequence[Point], cost: str) -> ValueGain:
     known = {run.setting.across: run for run in own if run.good}
     pairs = [(known[r.setting.across], r) for r in runs if r.good and r.setting.across in known]
-    ratios = {
-        name: [getattr(run, name) / getattr(start, name) for start, run in pairs]
+    error, time, work = (
+        float(np.median([getattr(run, name) / getattr(start, name) for start, run in pairs]))
+        if pairs
+        else math.nan
         for name in ("error", cost, "interactions")
-    }
-    medians = {n: float(np.median(found)) if found else math.nan for n, found in ratios.items()}
+    )
     gain, bound = gain_of_series(own, runs, cost)
-    factors = medians["error"], medians[cost], medians["interactions"]
     cause = next((run.cause for run in runs if not run.good), "")
-    return ValueGain(knob, value_of(runs[0], knob), *factors, gain, len(pairs), cause, bound)
+    value = value_of(runs[0], knob)
+    return ValueGain(knob, value, error, time, work, gain, len(pairs), cause, bound)
 
 
 def best_value(

@@ -1,7 +1,7 @@
 """Runs of the study: every knob alone, then those that pay together at all resolutions."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from sph_gym.recommend.series import too_soft
@@ -10,9 +10,8 @@ from sph_gym.scenes.shared.refinement import Refinement, names
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import KERNELS
 from sph_gym.solver.simulation import DTYPES
-from sph_gym.studies.accuracy.agents import available
 from sph_gym.studies.accuracy.analysis import gain_of_series
-from sph_gym.studies.accuracy.points import Point
+from sph_gym.studies.accuracy.points import Point, available
 
 # The largest h / dx that is tried: 50 neighbours.
 WIDEST = 5.0
@@ -30,23 +29,29 @@ ALONE = ("width", "kernel", "density", "sound")
 Runs = Mapping[Setting, Point]
 
 
+# Values of each knob: factors of h / dx, of the stable step and of c0; epsilons; names.
+VALUES: Mapping[str, Sequence[Any]] = {
+    "width": (0.7, 0.85, 1.2, 1.45),
+    "step": (0.25, 0.5, 1.5, 2.0),
+    "sound": (0.35, 0.5, 0.7, 1.4, 2.0),
+    "kernel": tuple(KERNELS),
+    "density": DENSITIES,
+    "dtype": tuple(DTYPES),
+    "integrator": tuple(INTEGRATORS),
+    "xsph": (0.0, 0.15, 0.3, 0.5),
+    "controller": ("cfl", "tuned_cfl", "lookahead", "ppo", "sac"),
+}
+
+
 class StudyPlan(NamedTuple):
-    """Values to try: scenes; factors of h / dx, of the stable step and of c0; epsilons; names.
+    """Scenes, and the values of each knob that are tried there, as in VALUES.
 
     sizes: how many resolutions, coarse first, None for all; chain: whether what pays is combined;
-    promises: whether recommendations are tried out; repeats: runs of which a time is the median.
+    repeats: runs of which a time is the median.
     """
 
     scenes: tuple[str, ...] = tuple(names())
-    widths: tuple[float, ...] = (0.7, 0.85, 1.2, 1.45)
-    steps: tuple[float, ...] = (0.25, 0.5, 1.5, 2.0)
-    sounds: tuple[float, ...] = (0.35, 0.5, 0.7, 1.4, 2.0)
-    epsilons: tuple[float, ...] = (0.0, 0.15, 0.3, 0.5)
-    kernels: tuple[str, ...] = tuple(KERNELS)
-    densities: tuple[str, ...] = DENSITIES
-    dtypes: tuple[str, ...] = tuple(DTYPES)
-    integrators: tuple[str, ...] = tuple(INTEGRATORS)
-    controllers: tuple[str, ...] = ("cfl", "tuned_cfl", "lookahead", "ppo", "sac")
+    values: Mapping[str, Sequence[Any]] = VALUES
     sizes: int | None = None
     chain: bool = True
     repeats: int = 3
@@ -54,9 +59,11 @@ class StudyPlan(NamedTuple):
 
 FULL = StudyPlan()
 QUICK = StudyPlan(
-    scenes=("elliptical_drop", "taylor_green"), widths=(0.85,), steps=(1.5,), sounds=(0.5,),
-    epsilons=(), kernels=(), densities=(), dtypes=("float32",), integrators=(),
-    controllers=("cfl",), sizes=3, repeats=2,
+    scenes=("elliptical_drop", "taylor_green"), sizes=3, repeats=2,
+    values={
+        "width": (0.85,), "step": (1.5,), "sound": (0.5,), "dtype": ("float32",),
+        "controller": ("cfl",),
+    },
 )  # fmt: skip
 
 
@@ -89,28 +96,23 @@ def sweeps(plan: StudyPlan, case: Refinement) -> Iterator[tuple[str, Setting]]:
     for k, across in enumerate(coarser[:TURNED]):
         for knob, values in _values(plan, case, start).items():
             for value in values:
-                turned = start._replace(**{"across": across, knob: value})  # type: ignore[arg-type]
+                turned = start._replace(**{"across": across, knob: value})
                 dear = case.erratic or is_agent(turned.controller)
                 if turned.series != start.series and not (dear and k >= FEWER):
                     yield knob, turned
 
 
-def _values(plan: StudyPlan, case: Refinement, start: Setting) -> dict[str, Iterable[float | str]]:
-    widths = (round(factor * start.width, 2) for factor in plan.widths)
-    walls = case.build(start.across).walls
-    like_fluid = walls is not None and walls.pressure == "like fluid"
-    return {
-        "width": [width for width in widths if width <= min(case.widest, WIDEST)],
-        "step": plan.steps,
-        "sound": plan.sounds,
-        "kernel": plan.kernels,
+def _values(plan: StudyPlan, case: Refinement, start: Setting) -> dict[str, Sequence[Any]]:
+    """Return the values of each knob that a scene can have."""
+    values, walls = dict(plan.values), case.build(start.across).walls
+    widths = [round(factor * start.width, 2) for factor in values.get("width", ())]
+    values["width"] = [width for width in widths if width <= min(case.widest, WIDEST)]
+    if walls is not None and walls.pressure == "like fluid":
         # boundary particles that are like fluid sum their densities
-        "density": () if like_fluid else plan.densities,
-        "dtype": plan.dtypes,
-        "integrator": plan.integrators,
-        "xsph": plan.epsilons,
-        "controller": [name for name in plan.controllers if available(name, case.scene)],
-    }
+        values["density"] = ()
+    controllers = values.get("controller", ())
+    values["controller"] = [name for name in controllers if available(name, case.scene)]
+    return values
 
 
 def combined(plan: StudyPlan, case: Refinement, found: Runs) -> Iterator[Setting]:
@@ -136,7 +138,7 @@ def combined(plan: StudyPlan, case: Refinement, found: Runs) -> Iterator[Setting
         gain = _gain(own, runs, "interactions") * (faster if turned.dtype != start.dtype else 1.0)
         if gain > most and not too_soft(runs):
             present, most = turned, gain
-    if "tuned_cfl" in plan.controllers:
+    if "tuned_cfl" in plan.values.get("controller", ()):
         yield start.series._replace(controller="tuned_cfl")
 
 

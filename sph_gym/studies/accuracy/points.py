@@ -17,17 +17,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.controllers import Network
 from sph_gym.controllers.network import shipped_network
+from sph_gym.env.layouts import action_layout, observation_layout
+from sph_gym.env.oracle import COARSE, Oracle
+from sph_gym.env.rules import Rules
+from sph_gym.env.tuning import TuningEnv
 from sph_gym.provenance import content_hash
 from sph_gym.recommend.runs import RunOutcome, Schedule, execute, rate
 from sph_gym.recommend.series import MeasuredRun
 from sph_gym.recommend.settings import Setting, build, is_agent
 from sph_gym.scenes.shared.refinement import Refinement, refinement
+from sph_gym.solver.scene import Scene
 from sph_gym.studies import machine
-from sph_gym.studies.accuracy import agents
 from sph_gym.studies.results import COMMON, Results
 from sph_gym.timing import pinned
 
+# Scenes of the study that are environments as they stand, for agents; a search takes a minute.
+SEARCHED = ("dam_break",)
+LEARNED = ("ppo", "sac")
 # Runs that are short are repeated, up to so much time [s] and so many runs.
 PATIENCE, MOST = 0.1, 5
 # So are runs whose times differ by more than this share of the median, the three runs around it.
@@ -198,27 +206,6 @@ def is_same(one: float, other: float) -> bool:
     return json.dumps(one) == json.dumps(other)
 
 
-def _schedule(
-    case: Refinement, setting: Setting, other: int, sampling: Sampling
-) -> Schedule | None:
-    """Return the controls of an agent, none if it blew up; None for rules and fixed settings."""
-    if not is_agent(setting.controller):
-        return None
-
-    def play() -> dict[str, Any]:
-        # it begins with the scene's own controls
-        plain = build(case, setting._replace(step=1.0, sound=1.0), other)
-        try:
-            return {"controls": agents.play(setting.controller, replace(plain, controls=None))}
-        except RuntimeError as error:
-            return {"controls": [], "cause": str(error)}
-
-    is_valid = works(lambda kept: np.reshape(np.array(kept["controls"], float), (-1, 3)))
-    schedules, key = sampling.results("schedules", setting), key_of(case, setting, other)
-    controls: Schedule = schedules.get(key, play, is_valid)["controls"]
-    return controls
-
-
 def make_point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
     """Return a point from what it is of and what is kept of it."""
     wall, own, speed = np.array(kept["times"], float).reshape(-1, 3).T
@@ -235,12 +222,81 @@ def make_point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
     )  # fmt: skip
 
 
+# --- Agents ---------------------------------------------------------------------------------
+
+# Their controls are written down first, then played: the time that an agent itself takes, which is
+# another matter, counts for nothing.
+
+
+def available(name: str, scene: str) -> bool:
+    """Return whether there is such a controller for a scene."""
+    if name in LEARNED:
+        return shipped_network(name, scene).is_file()
+    return not is_agent(name) or (name == "lookahead" and scene in SEARCHED)
+
+
+def play(name: str, scene: Scene) -> Schedule:
+    """Return the controls of every frame as an agent sets them.
+
+    Raises RuntimeError if the scene blows up.
+    """
+    env = TuningEnv(scene)
+    observation, _ = env.reset(seed=0)
+    policy = _policy(name, scene)
+    played: Schedule = []
+    while not env.episode.over:
+        observation, _, terminated, _, _ = env.step(policy(env, observation))
+        played.append([float(value) for value in env.sim.controls])
+        if terminated:
+            raise RuntimeError(f"{name}: blew up at t = {env.sim.time:g} s")
+    return played
+
+
+def _policy(name: str, scene: Scene) -> Callable[[Any, Any], Any]:
+    if name == "lookahead":
+        return Oracle(COARSE)
+    trained = Network.load(shipped_network(name, scene.name))
+    trained.check(observation_layout(Rules()), action_layout("absolute"))
+    return lambda env, observation: trained(observation)
+
+
+def _schedule(
+    case: Refinement, setting: Setting, other: int, sampling: Sampling
+) -> Schedule | None:
+    """Return the controls of an agent, none if it blew up; None for rules and fixed settings."""
+    if not is_agent(setting.controller):
+        return None
+
+    def make() -> dict[str, Any]:
+        # it begins with the scene's own controls
+        plain = build(case, setting._replace(step=1.0, sound=1.0), other)
+        try:
+            return {"controls": play(setting.controller, replace(plain, controls=None))}
+        except RuntimeError as error:
+            return {"controls": [], "cause": str(error)}
+
+    is_valid = works(lambda kept: np.reshape(np.array(kept["controls"], float), (-1, 3)))
+    schedules, key = sampling.results("schedules", setting), key_of(case, setting, other)
+    controls: Schedule = schedules.get(key, make, is_valid)["controls"]
+    return controls
+
+
+# --- Again ----------------------------------------------------------------------------------
+
+
 def rerun(key: str, folder: Path) -> int:
     """Run a kept point again and print both errors and times; 1 if either differs, else 0.
 
     key: its hash, or the beginning of one only. Raises ValueError if there is no such point.
     """
-    path = _find(key, folder)
+    if not re.fullmatch("[0-9a-f]+", key):
+        raise ValueError(f"point: expected a hash as in points.csv, got {key!r}")
+    found = list((folder / "points").glob(f"{key}*.json"))
+    if len(found) != 1:
+        raise ValueError(
+            f"point: expected the hash of one point in {folder}, got {key!r} of {len(found)}"
+        )
+    [path] = found
     try:
         stored = json.loads(path.read_text())
         facts, setting = stored["key"], Setting(**stored["key"]["setting"])
@@ -268,14 +324,3 @@ def rerun(key: str, folder: Path) -> int:
     print(f"processor seconds kept: {before.own:.4g}, now: {now.own:.4g}")
     print(f"time, by the benchmark beside it, now / kept: {ratio:.3g}, {verdict}")
     return int(not (equal and alike))
-
-
-def _find(key: str, folder: Path) -> Path:
-    if not re.fullmatch("[0-9a-f]+", key):
-        raise ValueError(f"point: expected a hash as in points.csv, got {key!r}")
-    found = sorted((folder / "points").glob(f"{key}*.json"))
-    if len(found) != 1:
-        raise ValueError(
-            f"point: expected the hash of one point in {folder}, got {key!r} of {len(found)}"
-        )
-    return found[0]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 from sph_gym.recommend.advice import PROBES, for_error, offered
@@ -58,9 +58,9 @@ def try_out(
         once = sampling._replace(repeats=repeats)
         return measure_point(case, "promise", setting, once, other)
 
-    between = _between(series).items()
     found = [
-        TriedRecommendation(0, asked, choice, run(choice.setting, 0)) for choice, asked in between
+        TriedRecommendation(0, asked, choice, run(choice.setting, 0))
+        for choice, asked in _between(series).items()
     ]
     for other in range(1, len(case.others) + 1):
 
@@ -70,11 +70,8 @@ def try_out(
             return tried.error if tried.good else math.nan, tried.effort
 
         for asked, choice, answered, early in _in_other_case(series, probe):
-            found.append(
-                TriedRecommendation(
-                    other, asked, choice, run(choice.setting, other), answered, early
-                )
-            )
+            there = run(choice.setting, other)
+            found.append(TriedRecommendation(other, asked, choice, there, answered, early))
     return found
 
 
@@ -105,11 +102,7 @@ def _in_other_case(
     The last two entries are those of a `TriedRecommendation`.
     """
     for target in _targets(series):
-
-        def choose(series: Sequence[Series], target: float = target) -> Choice | None:
-            return for_error(series, target)
-
-        settled = settle(series, choose, probe)
+        settled = settle(series, partial(for_error, error=target), probe)
         early = math.nan
         if settled.trials:
             advised, error = settled.trials[0]

@@ -63,6 +63,16 @@ class Lab:
         self._deadline += time.monotonic() - started
         return subject
 
+    def course(self, case: Case, dt: float, n_steps: int) -> tuple[Array, Array]:
+        """Return x and v (n_steps + 1, n, 2) of a new solver, from the start on."""
+        subject = self.make(case)
+        states = [(subject.x, subject.v)]
+        for _ in range(n_steps):
+            subject.step(dt)
+            states.append((subject.x, subject.v))
+        x, v = zip(*states, strict=True)
+        return np.stack(x), np.stack(v)
+
     def evaluated(self, case: Case) -> SolverUnderTest:
         """Return a new solver that has computed all that it shows for the case's positions."""
         subject = self.make(case)

@@ -157,10 +157,5 @@ def _follow(
     speed = float(np.linalg.norm(start.v[0]))
     step = dt * start.h / start.c0
     steps = int(np.ceil(gaps * DX / (speed * step))) + 8
-    subject = lab.make(start if box else case(start.x, start.v, gravity=start.gravity))
-    x, v = [subject.x], [subject.v]
-    for _ in range(steps):
-        subject.step(step)
-        x.append(subject.x)
-        v.append(subject.v)
-    return Throw(start, step, speed, way, side, np.stack(x), np.stack(v))
+    thrown = start if box else case(start.x, start.v, gravity=start.gravity)
+    return Throw(start, step, speed, way, side, *lab.course(thrown, step, steps))

@@ -1,4 +1,4 @@
-"""Do pressures push apart, both partners alike, in all directions alike?"""
+"""Do pressures push apart, both partners alike, in all directions alike, in a crowd as well?"""
 
 import numpy as np
 

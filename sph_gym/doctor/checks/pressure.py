@@ -1,4 +1,4 @@
-"""Is the pressure the one that the equation of state gives for the *measured* density?"""
+"""Is the pressure the one that the equation of state gives for the *measured* density, in time?"""
 
 from typing import NamedTuple
 

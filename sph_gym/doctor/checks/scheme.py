@@ -42,17 +42,6 @@ class ShortRun:
         return self.apart(f"{k}+{part}", x, self.v[k])
 
 
-def follow(lab: Lab, start: Case, dt: float) -> ShortRun:
-    """Return the track of a new solver; its steps are those that the models look at."""
-    subject = lab.make(start)
-    x, v = [subject.x], [subject.v]
-    for _ in range(_COUNTED.stop + 1):
-        subject.step(dt)
-        x.append(subject.x)
-        v.append(subject.v)
-    return ShortRun(lab, start, dt, np.stack(x), np.stack(v))
-
-
 Models = dict[str, Callable[[ShortRun, int], Array]]
 # A model, and what it leaves.
 Fit = tuple[str, float]
@@ -229,7 +218,8 @@ _BROKEN = {
 
 
 def _identify(lab: Lab, start: Case, share: float) -> tuple[Fit, Fit] | None:
-    track = follow(lab, start, duration(start, share))
+    dt = duration(start, share)
+    track = ShortRun(lab, start, dt, *lab.course(start, dt, _COUNTED.stop + 1))
     if not (np.isfinite(track.x).all() and np.isfinite(track.v).all()):
         return None
     return best_kick(track), best_drift(track)

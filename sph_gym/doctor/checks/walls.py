@@ -1,4 +1,4 @@
-"""Do the sides of the box hold, at every speed, without putting in energy?"""
+"""Do the sides of the box hold, at every speed, without putting in energy? And a dam break."""
 
 from dataclasses import replace
 

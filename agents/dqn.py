@@ -9,7 +9,7 @@ from torch.nn.functional import smooth_l1_loss
 
 from agents.arguments import launch
 from agents.exports import plain_network
-from agents.training import Training, TrainingArgs, Trial
+from agents.training import Training, TrainingArgs, Trial, new_model
 from sph_gym.controllers import Network
 from sph_gym.solver.checks import known
 
@@ -69,7 +69,7 @@ def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     if args.resume:
         model = DoubleDQN.load(training.checkpoint(), env=envs, device="cpu")
     else:
-        model = DoubleDQN("MlpPolicy", envs, **training.settings())
+        model = new_model(DoubleDQN, envs, training.settings())
     training.learn(model)
     envs.close()
 

@@ -9,7 +9,7 @@ from stable_baselines3 import PPO
 
 from agents.arguments import launch
 from agents.exports import plain_network
-from agents.training import Training, TrainingArgs, Trial
+from agents.training import Training, TrainingArgs, Trial, new_model
 from sph_gym.controllers import Network
 
 
@@ -38,7 +38,7 @@ def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     if args.resume:
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")
     else:
-        model = PPO("MlpPolicy", envs, **training.settings())
+        model = new_model(PPO, envs, training.settings())
     training.learn(model)
     envs.close()
 

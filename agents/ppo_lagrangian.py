@@ -8,7 +8,7 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from agents.arguments import launch
 from agents.ppo import export
-from agents.training import Training, TrainingArgs, Trial
+from agents.training import Training, TrainingArgs, Trial, new_model
 from sph_gym.env.rewards import WORST
 
 
@@ -74,7 +74,7 @@ def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     if args.resume:
         model = LagrangianPPO.load(training.checkpoint(), env=envs, device="cpu")
     else:
-        model = LagrangianPPO("MlpPolicy", envs, **training.settings())
+        model = new_model(LagrangianPPO, envs, training.settings())
     training.learn(model)
     envs.close()
 

@@ -20,7 +20,7 @@ from agents import imitation
 from agents.arguments import launch, option
 from agents.imitation import ImitationArgs
 from agents.ppo import export, layers
-from agents.training import Training, TrainingArgs, Trial
+from agents.training import Training, TrainingArgs, Trial, new_model
 from agents.validation import NETWORK
 from sph_gym.controllers import Network
 from sph_gym.env import actions
@@ -156,7 +156,7 @@ def train(args: TrainingArgs, trial: Trial | None = None, start: Path | None = N
         model = PPO.load(training.checkpoint(), env=envs, device="cpu")
     else:
         start = start or (imitate if trial is None else common_start)(args, mode)
-        model = PPO("MlpPolicy", envs, **settings)
+        model = new_model(PPO, envs, settings)
         begin_with(model, Network.load(start), mode)
         explore(model, caution.spread)
     training.learn(model, [Hold(round(caution.held * args.steps))])

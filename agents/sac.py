@@ -6,7 +6,7 @@ from stable_baselines3 import SAC
 
 from agents.arguments import launch
 from agents.exports import plain_network
-from agents.training import CONTINUOUS, Training, TrainingArgs, Trial
+from agents.training import CONTINUOUS, Training, TrainingArgs, Trial, new_model
 from sph_gym.controllers import Network
 from sph_gym.solver.checks import known
 
@@ -25,7 +25,7 @@ def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     if args.resume:
         model = SAC.load(training.checkpoint(), env=envs, device="cpu")
     else:
-        model = SAC("MlpPolicy", envs, **training.settings())
+        model = new_model(SAC, envs, training.settings())
     training.learn(model)
     envs.close()
 

@@ -4,16 +4,18 @@ import copy
 import shutil
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from inspect import signature
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import torch
 import yaml
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback, CallbackList, CheckpointCallback
+from stable_baselines3.common.vec_env import VecEnv
 
 from agents import cards
 from agents.arguments import SCENE_HELP, option, program
@@ -28,6 +30,7 @@ from sph_gym.env.rules import Rules
 from sph_gym.env.stable_baselines import TuningVecEnv
 from sph_gym.solver.checks import known, whole
 
+Model = TypeVar("Model", bound=BaseAlgorithm)
 FOLDER = Path(__file__).parent
 # Kinds of actions for algorithms that learn three numbers.
 CONTINUOUS = tuple(mode for mode in actions.MODES if mode != "discrete")
@@ -242,6 +245,14 @@ class Training:
             CheckpointCallback(every, folder, self.algorithm),
             ValidationCallback(validation, every, self.plain, report),
         ]
+
+
+def new_model(kind: type[Model], envs: VecEnv, settings: Mapping[str, Any]) -> Model:
+    """Return a new model with hyperparameters. Raises ValueError for one that it doesn't take."""
+    taken = {name for base in kind.__mro__ for name in signature(base).parameters}
+    for name in settings:
+        known("hyperparams", name, sorted(taken - {"self", "args", "kwargs"}))
+    return kind("MlpPolicy", envs, **settings)
 
 
 def hyperparameters(algorithm: str, scene: str, file: Path | None = None) -> dict[str, Any]:

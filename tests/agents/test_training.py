@@ -183,6 +183,15 @@ def test_a_file_without_entries_is_refused(tmp_path, text, message):
         training.hyperparameters("ppo", "dam_break", path)
 
 
+@pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "sac", "dqn"])
+def test_a_hyperparameter_that_does_not_exist_is_told(table, tmp_path, algorithm):
+    mode = "discrete" if algorithm == "dqn" else "stable"
+    table(algorithm, default={"env": {"action_mode": mode}, "gama": 0.9, "learning_rate": 1e-3})
+    train = import_module(f"agents.{algorithm}").train
+    with pytest.raises(ValueError, match=r"hyperparams: expected one of .*gamma.*, got 'gama'"):
+        train(training.TrainingArgs("relaxation", n_envs=1, output=tmp_path))
+
+
 def test_trainings_with_other_hyperparameters_have_names_of_their_own(tmp_path):
     found = []
     for name in ("mine.yml", "ppo-mine.yml"):

@@ -52,15 +52,13 @@ class Track:
         self.scene, self.dx = scene, dx
         self.env, rule = TuningEnv(scene, dx=dx), TunedCfl()
         self.env.reset(seed=0)
-        self.actions: list[Any] = []
-        self.home: dict[str, Any] = {}
         for k in range(plan.skipped + plan.steps):
             if k == plan.skipped:
-                self.home = self.env.get_state()
+                self.home, self.actions = self.env.get_state(), list[Any]()
             action = self.env.action_toward(rule(self.env.sim))
+            self.env.step(action)
             if k >= plan.skipped:
                 self.actions.append(action)
-            self.env.step(action)
 
     @property
     def case(self) -> str:
@@ -108,8 +106,8 @@ def measure(plan: EnvironmentPlan, scene: str, coarse: float, fine: float) -> It
 def side_by_side(track: Track, plan: EnvironmentPlan) -> Iterator[Row]:
     """Yield env steps a second of one environment, and of a vector on one thread and on two."""
     counts = [1, 2] if teams.most_threads() > 1 else [1]
-    arguments: dict[str, Any] = {"scene": track.scene, "dx": track.dx}
-    vectors = [TuningVectorEnv(plan.n_envs, threads, **arguments) for threads in counts]
+    make: Any = partial(TuningVectorEnv, plan.n_envs, scene=track.scene, dx=track.dx)
+    vectors = [make(threads=threads) for threads in counts]
     for envs in vectors:
         envs.reset(seed=0)
     runs: list[Callable[[], float]] = [track.one]

@@ -6,9 +6,9 @@ take turns; phases, sizes and variants are timed by the processor time of their 
 the wall clock.
 """
 
-import dataclasses
 import os
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -185,8 +185,7 @@ def by_variant(plan: ThroughputPlan) -> Iterator[Row]:
     """Yield the cost with every kernel, and with every effect on and off, in float64."""
     scene, named = dam_break(plan.reference), dict[str, Scene]()
     for kernel in ("mueller", "wendland_c2"):
-        fluid = dataclasses.replace(scene.fluid, kernel=kernel)
-        named[f"kernel {kernel}"] = dataclasses.replace(scene, fluid=fluid)
+        named[f"kernel {kernel}"] = replace(scene, fluid=replace(scene.fluid, kernel=kernel))
     for effect in variants.UNIFORM:
         named[f"{effect} on"] = variants.added(scene, effect)
         named[f"{effect} off"] = variants.left_out(named[f"{effect} on"], effect)

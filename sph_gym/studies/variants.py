@@ -1,8 +1,8 @@
 """Scenes with one of their effects left out, or with one more."""
 
-import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,11 @@ from sph_gym.solver.walls import PRESSURES, SLIPS, Walls
 # time step allows. Densities by continuity keep columns of their own in the state, so that they
 # can't be compared from the same start.
 TYPICAL: dict[str, Callable[[Scene], Any]] = {
-    **{
-        e.name: e.typical
-        for e in registry.EFFECTS
-        if "continuity" not in (e.name, *(e.needs or ()))
-    },
-    "gravity": lambda scene: (0.0, -9.81),
+    each.name: each.typical
+    for each in registry.EFFECTS
+    if "continuity" not in (each.name, *(each.needs or ()))
 }
+TYPICAL["gravity"] = lambda scene: (0.0, -9.81)
 UNIFORM = tuple(TYPICAL)
 EFFECTS = (*UNIFORM, "box", "walls")
 
@@ -44,12 +42,10 @@ def left_out(scene: Scene, effect: str) -> Scene:
         return _with_effect(scene, effect, False if flag else None)
     assert scene.walls is not None
     if effect == "box":
-        return dataclasses.replace(scene, walls=dataclasses.replace(scene.walls, box=None))
+        return replace(scene, walls=replace(scene.walls, box=None))
     # with everything that only particles have
-    bare = dataclasses.replace(
-        scene.walls, particles=None, velocity=None, pressure=PRESSURES[0], slip=SLIPS[0]
-    )
-    return dataclasses.replace(scene, walls=bare)
+    usual: dict[str, Any] = {"pressure": PRESSURES[0], "slip": SLIPS[0]}
+    return replace(scene, walls=replace(scene.walls, particles=None, velocity=None, **usual))
 
 
 def added(scene: Scene, effect: str) -> Scene:
@@ -63,12 +59,12 @@ def added(scene: Scene, effect: str) -> Scene:
     if effect == "walls":
         raise ValueError(f"{scene.name}: no boundary particles can be added")
     if effect == "box":
-        return dataclasses.replace(scene, walls=_boxed(scene))
+        return replace(scene, walls=_boxed(scene))
     return _with_effect(scene, effect, TYPICAL[effect](scene))
 
 
 def _with_effect(scene: Scene, effect: str, value: Any) -> Scene:
-    return dataclasses.replace(scene, effects=dataclasses.replace(scene.effects, **{effect: value}))
+    return replace(scene, effects=replace(scene.effects, **{effect: value}))
 
 
 def _boxed(scene: Scene) -> Walls:
@@ -81,4 +77,4 @@ def _boxed(scene: Scene) -> Walls:
     for axis, period in enumerate((walls.period_x, walls.period_y)):
         if period is not None:
             box[2 * axis : 2 * axis + 2] = -math.inf, math.inf
-    return dataclasses.replace(walls, box=tuple(box))
+    return replace(walls, box=tuple(box))

@@ -233,12 +233,14 @@ def test_a_controller_steers_a_run(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--controller", "ppoo"], "controller: expected one of default, "),
+        (["--controller", "ppoo"], "sph_gym: --controller: expected one of default, "),
+        (["--dt", "-1"], "sph_gym: --dt: expected a number above 0"),
+        (["--log", "rho", "--particles", "9999"], "sph_gym: --particles: expected indices below"),
         (["--controller", "none.npz"], "path: none.npz is no exported network"),
         (["--controller", "cfl", "--dt", "1e-3"], "--controller: expected no --dt beside it"),
     ],
 )
-def test_controllers_that_are_none_are_refused(words, message, capsys):
+def test_what_is_wrong_with_an_option_is_told_by_its_name(words, message, capsys):
     assert main([*RELAXATION, *words]) == WRONG
     assert message in capsys.readouterr().err
 

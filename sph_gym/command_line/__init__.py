@@ -61,8 +61,10 @@ def make_parser() -> Parser:
 
 def _carry_out(arguments: list[str] | None) -> int:
     """Carry out a command, and return its exit status when all it printed is on its way."""
+    parser = make_parser()
     try:
-        options = make_parser().parse_args(arguments)
+        options = parser.parse_args(arguments)
+        parser = getattr(options, "parser", parser)
         # not before: numba takes long to import, and a help needs none
         from sph_gym.solver.jit import announce_compilation
 
@@ -73,7 +75,7 @@ def _carry_out(arguments: list[str] | None) -> int:
     except BrokenPipeError:
         raise
     except (ValueError, ImportError, OSError, MemoryError, RuntimeError) as error:
-        print(f"sph_gym: {_words(error)}", file=sys.stderr)
+        print(f"sph_gym: {parser.by_option(_words(error))}", file=sys.stderr)
         return WRONG
     except KeyboardInterrupt:
         print("sph_gym: interrupted", file=sys.stderr)

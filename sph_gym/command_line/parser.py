@@ -53,6 +53,16 @@ class Parser(argparse.ArgumentParser):
         name = self.prog if self.prog.startswith("python") else "sph_gym"
         self.exit(WRONG, f"{name}: {message}{hint}; see {self.prog} --help\n")
 
+    def by_option(self, message: str) -> str:
+        """Return a message with the option in place of the argument of the package that it names.
+
+        It begins with the argument, as messages of `solver.checks` do: "controls.dt: expected ...".
+        """
+        name, colon, rest = message.partition(":")
+        option = f"--{name.rpartition('.')[2].replace('_', '-')}"
+        is_option = bool(colon) and option in self._option_string_actions
+        return f"{option}:{rest}" if is_option else message
+
     def suggest(self, word: str) -> str:
         """Return a question after the option or command that is nearest to a word, or nothing."""
         known = [*self._option_string_actions]

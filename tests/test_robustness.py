@@ -30,7 +30,7 @@ from pathlib import Path
 from agents import ppo, training
 small = {"n_steps": 32, "batch_size": 32, "n_epochs": 1, "learning_rate": 1e-3}
 environment = {"env": {"action_mode": "stable"}}
-training.hyperparameters = lambda algorithm, scene: small | environment
+training.hyperparameters = lambda algorithm, scene, file: small | environment
 arguments = training.TrainingArgs(
     scene="relaxation", steps=int(sys.argv[2]), n_envs=1, output=Path(sys.argv[1]),
     evaluate_every=32, n_evaluations=1, resume=sys.argv[3] == "resume", trust_checkpoints=True,

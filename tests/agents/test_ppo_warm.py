@@ -8,7 +8,7 @@ import torch
 from stable_baselines3 import PPO
 
 from agents import ppo_warm, training
-from agents.exports import plain_network
+from agents.exports import TOLERANCE, plain_network
 from agents.imitation import ImitationArgs, perceptron
 from agents.ppo import export
 from agents.ppo_warm import Hold, WarmArgs, begin_with
@@ -47,8 +47,12 @@ def table(monkeypatch):
 def test_the_policy_begins_as_the_network(envs):
     learner, start = model(envs), network(envs, 8, 8)
     begin_with(learner, start, "absolute")
-    observation = envs.observation_space.sample()
-    assert np.allclose(learner.predict(observation, deterministic=True)[0], start(observation))
+    envs.observation_space.seed(0)
+    for _ in range(20):
+        observation = envs.observation_space.sample()
+        wanted = learner.predict(observation, deterministic=True)[0]
+        # in single precision, an action near zero is off by as much as any other
+        assert np.abs(wanted - start(observation)).max() < TOLERANCE
 
 
 @pytest.mark.parametrize(

@@ -52,11 +52,19 @@ def program() -> str:
 def parse(
     kind: type[Arguments], description: str | None, words: list[str] | None = None
 ) -> Arguments:
-    """Return the arguments of the command line as a `kind`: field n_envs is option --n-envs.
+    """Return the arguments of the command line as a `kind`.
+
+    words: by default those of this process. Exits with a message for unknown options and wrong
+    values.
+    """
+    return _read(make_parser(kind, description), kind, words)
+
+
+def make_parser(kind: type[Any], description: str | None) -> Parser:
+    """Return the parser of a program: field n_envs of `kind` is option --n-envs.
 
     kind: a dataclass whose fields are `option`s of type T, bool, tuple[T, ...], tuple[T, T, T]
-    or T | None, where T reads one word; words: by default those of this process.
-    Exits with a message for unknown options and wrong values.
+    or T | None, where T reads one word.
     """
     parser = Parser(
         prog=program(),
@@ -64,7 +72,7 @@ def parse(
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     hints = get_type_hints(kind)
-    for part in fields(kind):  # type: ignore[arg-type]
+    for part in fields(kind):
         name, default = part.name.replace("_", "-"), part.default
         text, shown = part.metadata["help"], default
         if isinstance(default, tuple) and default:
@@ -80,6 +88,10 @@ def parse(
             help=text,
             **_reading(hints[part.name]),
         )
+    return parser
+
+
+def _read(parser: Parser, kind: type[Arguments], words: list[str] | None = None) -> Arguments:
     given = vars(parser.parse_args(words))
     return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
 
@@ -93,16 +105,13 @@ def launch(
     exit status is 2 then. Ctrl-C ends it without a traceback, also where a program does nothing
     about it.
     """
+    parser = make_parser(kind, description)
     try:
-        main(parse(kind, description))
+        main(_read(parser, kind))
     except (ValueError, ImportError, OSError) as error:
-        name, colon, rest = str(error).partition(":")
-        if name in {part.name for part in fields(kind)}:  # type: ignore[arg-type]
-            name = f"--{name.replace('_', '-')}"
-        elif name == "path":
-            # an argument of the package; the file that it was given follows
-            name, colon, rest = "", "", rest.strip()
-        print(f"{program()}: {name}{colon}{rest}", file=sys.stderr)
+        # `path` is an argument of the package, and no option; the file that it was given follows
+        message = parser.by_option(str(error)).removeprefix("path: ")
+        print(f"{program()}: {message}", file=sys.stderr)
         raise SystemExit(WRONG) from None
     except KeyboardInterrupt:
         print(f"{program()}: interrupted", file=sys.stderr)

@@ -190,7 +190,7 @@ class Training:
         ids = validation_ids(args.scene, args.n_evaluations)
         validation = Validation(ids, self.folder, self.action_mode, args.resume)
         if not args.resume:
-            # nobody may resume a training before this one instead
+            # else --resume could take up the training before this one
             best.unlink(missing_ok=True)
             shutil.rmtree(self.folder / "checkpoints", ignore_errors=True)
         try:
@@ -250,8 +250,9 @@ class Training:
 def new_model(kind: type[Model], envs: VecEnv, settings: Mapping[str, Any]) -> Model:
     """Return a new model with hyperparameters. Raises ValueError for one that it doesn't take."""
     taken = {name for base in kind.__mro__ for name in signature(base).parameters}
+    names = sorted(taken - {"self", "args", "kwargs"})
     for name in settings:
-        known("hyperparams", name, sorted(taken - {"self", "args", "kwargs"}))
+        known("hyperparams", name, names)
     return kind("MlpPolicy", envs, **settings)
 
 

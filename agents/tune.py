@@ -27,7 +27,6 @@ from optuna.trial import TrialState
 
 from agents.arguments import SCENE_HELP, launch, option
 from agents.training import FOLDER, TrainingArgs, Trial, hyperparameters, replaced
-from agents.validation import validation_ids
 from sph_gym.env import env_id
 from sph_gym.files import atomic_write
 from sph_gym.solver.checks import known, whole
@@ -56,15 +55,25 @@ class TuneArgs:
 
     def __post_init__(self) -> None:
         known("algorithm", self.algorithm, spaces())
-        for name in ("trials", *SHARED):
-            whole(name, getattr(self, name), at_least=1)
-        whole("seed", self.seed)
-        validation_ids(self.scene, self.n_evaluations)
+        whole("trials", self.trials, at_least=1)
+        self.training(self.seed)
 
     @property
     def folder(self) -> Path:
         """Folder of the study and its trainings."""
         return self.output / f"tune_{self.algorithm}_{self.scene}"
+
+    def training(self, seed: int) -> TrainingArgs:
+        """Return the arguments of a training. Raises ValueError that names a wrong one."""
+        return TrainingArgs(
+            scene=self.scene,
+            steps=self.steps,
+            n_envs=self.n_envs,
+            seed=seed,
+            output=self.folder / "trainings",
+            evaluate_every=self.evaluate_every,
+            n_evaluations=self.n_evaluations,
+        )
 
 
 def spaces() -> dict[str, Any]:
@@ -132,16 +141,8 @@ def run_trial(args: TuneArgs, trial: optuna.Trial) -> float:
         if trial.should_prune():
             raise optuna.TrialPruned
 
-    training = TrainingArgs(
-        scene=args.scene,
-        steps=args.steps,
-        n_envs=args.n_envs,
-        seed=trial.number,
-        output=args.folder / "trainings",
-        evaluate_every=args.evaluate_every,
-        n_evaluations=args.n_evaluations,
-    )
-    import_module(f"agents.{args.algorithm}").train(training, Trial(trial.params, report))
+    train = import_module(f"agents.{args.algorithm}").train
+    train(args.training(trial.number), Trial(trial.params, report))
     return max(returns)
 
 

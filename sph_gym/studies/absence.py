@@ -44,14 +44,14 @@ def _terms() -> dict[str, tuple[str, ...]]:
 
     A section begins with the strength of its effect.
     """
-    lines = {each.name: inspect.getsourcelines(each.strength)[1] for each in EFFECTS}
-    found = {name: list[str]() for name in (*lines, *ELSEWHERE)}
+    sections = {inspect.getsourcelines(each.strength)[1]: each.name for each in EFFECTS}
+    found = {name: list[str]() for name in (*sections.values(), *ELSEWHERE)}
     for name, function in vars(effects).items():
         if name.startswith("add_") and isinstance(function, FunctionType):
             line = inspect.getsourcelines(function)[1]
-            begin = max((begin for begin in lines.values() if begin < line), default=None)
-            for effect in (effect for effect, each in lines.items() if each == begin):
-                found[effect].append(name)
+            above = [begin for begin in sections if begin < line]
+            if above:
+                found[sections[max(above)]].append(name)
     return {effect: (*names, *ELSEWHERE.get(effect, ())) for effect, names in found.items()}
 
 

@@ -51,7 +51,7 @@ NOISE_FLOOR = "nothing: noise floor of the search"
 XSPH_AXIS, XSPH_OFF = 2, -1.0
 # Quantities of the rows that tell a scene's headroom.
 GAIN, NONE = "headroom over the best static", "no headroom: both within tolerance nowhere"
-# Who plays every instance.
+# Players of every instance.
 PLAYERS = RULE, STATIC, ORACLE = ("tuned CFL", "best static", "oracle")
 # Further players, besides the oracles with a control frozen.
 ELSEWHERE, UNSMOOTHED = "oracle, looking elsewhere", "oracle, epsilon 0"

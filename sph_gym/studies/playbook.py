@@ -59,7 +59,7 @@ def _nearest(solver: Any) -> Array:
     return np.asarray(apart.min(axis=1) / solver.case.dx)
 
 
-# What the colour of a particle can tell: a solver to one number for each of them, by the label.
+# Quantities that colours can show, by label; each returns one number a particle of a solver.
 QUANTITIES: dict[str, Callable[[Any], Any]] = {
     "speed [m/s]": lambda solver: np.linalg.norm(solver.v, axis=1),
     # with which particles are moved: XSPH included

@@ -139,7 +139,7 @@ def test_what_it_returns_is_its_own():
 
 
 def twin(network, observation):
-    """The same perceptron in double precision with numpy's functions."""
+    """Return what numpy computes for the same perceptron in double precision."""
     x = observation.astype(float)
     last = len(network.weights) - 1
     for k, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):

@@ -45,7 +45,7 @@ class ShortRun:
 Models = dict[str, Callable[[ShortRun, int], Array]]
 # A model, and what it leaves.
 Fit = tuple[str, float]
-# What the change of v in step k may be made of: the cheap ones first.
+# Models of the change of v in step k, the cheap ones first.
 KICKS: Models = {
     "a(k)": lambda t, k: t.a(k),
     "a(k+1)": lambda t, k: t.a(k + 1),

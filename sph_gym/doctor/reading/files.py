@@ -188,7 +188,7 @@ def _times(arrays: dict[str, Any], n_frames: int) -> Any:
     return np.full(n_frames, np.nan)
 
 
-# What one frame may be stored as.
+# Suffixes of files that hold one frame.
 FRAME_SUFFIXES = (".vtk", ".vtu", ".csv", ".npz", ".hdf5", ".h5")
 _NUMBERED = re.compile(r"(.*?)(\d+)(\.[A-Za-z]\w*)")
 

@@ -130,11 +130,13 @@ def fit(args: ImitationArgs, observations: Any, actions: Any) -> Network:
     return plain_network(module, "clip", settings["action_mode"])
 
 
-def perceptron(n_in: int, widths: Sequence[int], n_out: int) -> torch.nn.Sequential:
-    """Return a perceptron with tanh units, as PPO has, so that it can go on with it."""
+def perceptron(
+    n_in: int, widths: Sequence[int], n_out: int, unit: type[torch.nn.Module] = torch.nn.Tanh
+) -> torch.nn.Sequential:
+    """Return a perceptron, by default with tanh units, as PPO has, so that it can go on with it."""
     sizes, layers = [n_in, *widths], list[torch.nn.Module]()
     for before, after in itertools.pairwise(sizes):
-        layers += [torch.nn.Linear(before, after), torch.nn.Tanh()]
+        layers += [torch.nn.Linear(before, after), unit()]
     return torch.nn.Sequential(*layers, torch.nn.Linear(sizes[-1], n_out))
 
 

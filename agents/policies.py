@@ -110,7 +110,7 @@ def _play_trained(spec: Spec) -> Policy:
     return play_network(Network.load(spec.network))
 
 
-LEARNED = ("ppo", "ppo_lagrangian", "ppo_warm", "imitation", "sac", "dqn")
+LEARNED = ("ppo", "ppo_lagrangian", "ppo_warm", "imitation", "rollout", "sac", "dqn")
 # Agents that see the reference and what is to come: bounds, no competitors.
 ORACLES = ("lookahead", "short_lookahead")
 # Ways to find static settings, and the best ones of each instance in hindsight.

@@ -39,6 +39,7 @@ STYLES: dict[str, AgentStyle] = {
     "ppo_lagrangian": AgentStyle("Lagrangian PPO", "#1B4D3E", r"$\clubsuit$", (0, (5, 1))),
     "ppo_warm": AgentStyle("PPO after imitation", "#66C2A5", "8", "-", 2.4),
     "imitation": AgentStyle("imitation", "#4DAF4A", r"$\spadesuit$", (0, (2, 1))),
+    "rollout": AgentStyle("rollouts", "#B2182B", r"$\bigstar$", "-", 2.4),
     "sac": AgentStyle("SAC", "#D55E00", "P"),
     "dqn": AgentStyle("DQN", "#A0522D", "h", (0, (4, 1, 1, 1))),
 }
@@ -75,6 +76,8 @@ SENTENCES = {
     "ppo_warm": "PPO that began with the network of the imitation.",
     "imitation": "a small neural network that has learned the actions of a teacher, the look-ahead "
     "oracle unless said otherwise, for the states that it visits itself.",
+    "rollout": "a small neural network that has learned which action earns most, from actions "
+    "that were tried side by side in the states that it visits.",
     "sac": "a small neural network that looks at the flow in every frame, trained on training "
     "instances by the soft actor-critic method.",
     "dqn": "a small neural network that values 27 small changes of the settings in every frame, "

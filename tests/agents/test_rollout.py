@@ -1,0 +1,182 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+import torch
+
+from agents import rollout
+from agents.rollout import RolloutArgs, Tries
+from sph_gym.controllers import AdaptiveRule
+from sph_gym.env.oracle import Step
+from sph_gym.env.rewards import WORST
+from sph_gym.env.tuning import TuningEnv
+
+INSTANCE = "patch_impact/train/0"
+HOW = {
+    "share": 0.5, "hold": 3, "near": 2, "anywhere": 1, "spread": [0.1, 0.2, 0.2],
+    "lowest": [0.1, -1.0, -1.0], "lost": 4, "follow": 0.5,
+}  # fmt: skip
+SETTINGS = {
+    "action_mode": "stable",
+    "tries": HOW,
+    "value": {
+        "n": 2, "net_arch": [16], "gradient_steps": 400, "batch_size": 64, "learning_rate": 1e-2
+    },
+    "policy": {"net_arch": [8], "gradient_steps": 300, "batch_size": 64, "learning_rate": 1e-2},
+    "doubt": 0.5,
+}  # fmt: skip
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    """Plays episodes in this process; returns those that were played."""
+    torch.set_num_threads(1)
+    played = []
+
+    def run_jobs(function, jobs, keys, results, title, backend):
+        done = []
+        for job, key in zip(jobs, keys, strict=True):
+            kept = results.load(key)
+            if kept is None:
+                played.append(job)
+                kept = results.save(key, function(*job))
+            done.append(kept)
+        return done
+
+    monkeypatch.setattr(rollout, "run_jobs", run_jobs)
+    monkeypatch.setattr(rollout, "hyperparameters", lambda *_: SETTINGS)
+    return played
+
+
+def test_a_try_earns_what_the_environment_pays_and_leaves_no_trace():
+    env = TuningEnv("patch_impact", action_mode="stable")
+    env.reset(options={"instance": INSTANCE})
+    action = np.array([0.4, 0.0, -0.2], np.float32)
+    before = env.episode.observe()
+    found = rollout.worth(env.episode, action, 3, 4)
+    assert np.array_equal(env.episode.observe(), before)
+    rewards = [env.step(action)[1] for _ in range(3)]
+    assert found == pytest.approx(np.mean(rewards), rel=1e-6)
+
+
+@dataclass
+class Fragile:
+    """An episode of so many steps that blows up in one of them."""
+
+    n_steps: int
+    fatal: int
+    step: int = 0
+
+    def state(self):
+        return self.step
+
+    def restore(self, state):
+        self.step = state
+
+
+@pytest.mark.parametrize(("n_steps", "lost"), [(100, 4), (9, 1), (8, 0)])
+def test_a_blowup_costs_the_rest_of_the_try_and_some_steps_more(monkeypatch, n_steps, lost):
+    def play_one(episode, action):
+        episode.step += 1
+        ended = episode.step == episode.fatal
+        return Step(0.0 if ended else 0.5, 0.0, 1, over=ended, blowup=ended)
+
+    monkeypatch.setattr(rollout, "play", play_one)
+    episode = Fragile(n_steps, fatal=3)
+    found = rollout.worth(episode, None, 8, 4)
+    assert episode.step == 0
+    assert found == pytest.approx((2 * 0.5 - WORST * (6 + lost)) / 8)
+
+
+def test_the_policys_own_action_is_tried_first_and_all_are_within_bounds():
+    own = np.array([0.9, -0.9, 0.0], np.float32)
+    found = rollout.candidates(own, HOW | {"near": 40, "anywhere": 40}, np.random.default_rng(0))
+    assert found.shape == (81, 3)
+    assert np.array_equal(found[0], own)
+    assert np.abs(found).max() <= 1.0
+    assert (found[41:, 0] >= 0.1 - 1e-6).all()
+    near, anywhere = (np.abs(part - own).mean() for part in (found[1:41], found[41:]))
+    assert 0.0 < near < anywhere
+
+
+def test_an_episode_is_the_same_again_and_its_tries_are_of_states_that_it_visits():
+    found, again = (rollout.explore(None, INSTANCE, 3, "stable", HOW) for _ in range(2))
+    assert found == again
+    tries = rollout.gather([found])
+    n = len(tries.observations)
+    assert tries.actions.shape == (n, 4, 3)
+    assert tries.values.shape == (n, 4)
+    env = TuningEnv("patch_impact", action_mode="stable")
+    observation, _ = env.reset(options={"instance": INSTANCE})
+    visited = [observation]
+    while not env.episode.over:
+        observation, *_ = env.step(env.action_toward(AdaptiveRule()(env.sim)))
+        visited.append(observation)
+    # until it follows another action for the first time
+    assert min(np.abs(np.array(visited) - tries.observations[0]).max(axis=1)) < 1e-4
+    assert 0.2 * env.n_steps < n < 0.8 * env.n_steps
+
+
+def test_a_policy_plays_what_earns_most(at_once):
+    rng = np.random.default_rng(0)
+    seen = rng.uniform(-1, 1, (300, 23)).astype(np.float32)
+    tried = rng.uniform(-1, 1, (300, 6, 3)).astype(np.float32)
+    best = 0.5 * seen[:, None, :3]
+    tries = Tries(seen, tried, -np.square(tried - best).sum(axis=2))
+    args = RolloutArgs()
+    network = rollout.fit_policy(args, tries, [rollout.fit_value(args, tries, k) for k in (0, 1)])
+    found = np.array([network(row) for row in seen])
+    assert np.abs(found - best[:, 0]).mean() < 0.5 * np.abs(best).mean()
+
+
+def test_doubt_keeps_a_policy_away_from_what_values_disagree_about(at_once, monkeypatch):
+    tries = Tries(np.zeros((20, 23), np.float32), *(np.zeros((20, 1)),) * 2)
+    # both see more in larger actions, but one of them a loss
+    values = [lambda inputs, k=k: k * inputs[:, 23:24] for k in (3.0, -2.0)]
+    chosen = {}
+    for doubt in (0.0, 1.0):
+        monkeypatch.setitem(SETTINGS, "doubt", doubt)
+        network = rollout.fit_policy(RolloutArgs(), tries, values)
+        chosen[doubt] = network(np.zeros(23, np.float32))[0]
+    assert chosen[0.0] > 0.5 > chosen[1.0]
+
+
+def test_it_learns_in_rounds_and_tries_nothing_twice(tmp_path, at_once):
+    args = RolloutArgs(scene="patch_impact", rounds=2, episodes=1, n_evaluations=1, output=tmp_path)
+    rollout.train(args)
+    assert [job[1] for job in at_once] == ["patch_impact/train/0", "patch_impact/train/1"]
+    assert at_once[0][0] is None
+    assert at_once[1][0].endswith("round0.npz")
+    content = (args.folder / "network.npz").read_bytes()
+    at_once.clear()
+    rollout.train(args)
+    assert not at_once
+    assert (args.folder / "network.npz").read_bytes() == content
+
+
+def test_an_episode_without_tries_is_told():
+    with pytest.raises(ValueError, match="episodes: no state was tried"):
+        rollout.gather([{name: [] for name in Tries._fields}])
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"rounds": 0}, "rounds: expected"),
+        ({"episodes": 0}, "episodes: expected"),
+        ({"seed": 1.5}, "seed: expected"),
+        ({"scene": "nowhere"}, "nowhere"),
+    ],
+    ids=str,
+)
+def test_wrong_arguments_are_refused(given, text):
+    with pytest.raises(ValueError, match=text):
+        RolloutArgs(**given)
+
+
+def test_actions_that_mean_something_else_in_every_state_are_refused(monkeypatch):
+    monkeypatch.setattr(rollout, "hyperparameters", lambda *_: SETTINGS | {"action_mode": "delta"})
+    with pytest.raises(ValueError, match="action_mode: expected one of absolute, stable, got"):
+        RolloutArgs()

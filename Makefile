@@ -32,8 +32,8 @@ test: .venv/.dev
 uncompiled: .venv/.dev
 	NUMBA_DISABLE_JIT=1 $(UNCOMPILED) -m "without_jit and not slow"
 
-# Everything.
-test-all: .venv/.dev .venv/.docs lint
+# Everything, also on a cluster of Ray and of Dask.
+test-all: .venv/.dev .venv/.docs .venv/.cluster lint
 	$(BIN)/python -m pytest
 	NUMBA_DISABLE_JIT=1 $(UNCOMPILED) -m without_jit
 
@@ -59,6 +59,10 @@ clean:
 
 .venv/.docs: .venv/bin/python pyproject.toml .ci/constraints.txt
 	$(INSTALL) --editable ".[docs]"
+	touch $@
+
+.venv/.cluster: .venv/bin/python pyproject.toml .ci/constraints.txt
+	$(INSTALL) --editable ".[cluster]"
 	touch $@
 
 .venv/.dev: .venv/bin/python pyproject.toml .ci/constraints.txt

@@ -76,7 +76,7 @@ class RolloutArgs(BackendArgs):
 
 
 class Tries(NamedTuple):
-    """What was tried from n states, k actions each.
+    """Actions that were tried from n states, k from each, and what they earned.
 
     observations: (n, entries); actions: (n, k, 3), the policy's own one first; values: (n, k) mean
     reward a step.

@@ -7,7 +7,7 @@ repeated. Sources: Ross et al. 2011, DAgger; Kelly et al. 2019, where the teache
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,10 +22,8 @@ from agents.arguments import SCENE_HELP, BackendArgs, launch, option
 from agents.exports import plain_network
 from agents.lessons import TEACHERS, Lesson
 from agents.training import CONTINUOUS, hyperparameters
-from agents.validation import RETURN, Validation, validation_ids
+from agents.validation import RETURN, Validation, training_ids, validation_ids
 from sph_gym.controllers import Network
-from sph_gym.env.instances import SIZES
-from sph_gym.env.selection import members
 from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import known, whole
 from sph_gym.studies.jobs import run_jobs
@@ -91,14 +89,13 @@ def train(args: ImitationArgs) -> None:
 
 def attend(args: ImitationArgs, number: int, learner: Path | None) -> list[dict[str, Any]]:
     """Return the lessons of a round; those that are kept are not played again."""
-    count, size, mode = args.lessons, SIZES["train"], args.settings["action_mode"]
+    count, mode = args.lessons, args.settings["action_mode"]
     path = None if learner is None else str(learner)
     # every round has other instances, until all have been played
     first = (args.seed * args.rounds + number) * count
     jobs = [
-        Lesson(args.teacher, path, f"{name}/train/{k % size}", args.seed + k, mode)
-        for name in members(args.scene)
-        for k in range(first, first + count)
+        Lesson(args.teacher, path, instance, args.seed + k, mode)
+        for k, instance in training_ids(args.scene, first, count)
     ]
     # a network counts by its content
     weights = None if learner is None else content_hash(learner)
@@ -120,14 +117,27 @@ def fit(args: ImitationArgs, observations: Any, actions: Any) -> Network:
     steps = settings["gradient_steps"]
     descent = torch.optim.Adam(module.parameters(), settings["learning_rate"])
     decay = torch.optim.lr_scheduler.LinearLR(descent, 1.0, 0.01, total_iters=steps)
-    for _ in range(steps):
+
+    def loss() -> torch.Tensor:
         batch = torch.randint(len(inputs), (settings["batch_size"],))
-        loss = smooth_l1_loss(module(inputs[batch]), wanted[batch], beta=settings["beta"])
-        descent.zero_grad()
-        loss.backward()
-        descent.step()
-        decay.step()
+        return smooth_l1_loss(module(inputs[batch]), wanted[batch], beta=settings["beta"])
+
+    descend(loss, descent, decay, steps)
     return plain_network(module, "clip", settings["action_mode"])
+
+
+def descend(
+    loss: Callable[[], torch.Tensor],
+    descent: torch.optim.Optimizer,
+    schedule: torch.optim.lr_scheduler.LRScheduler,
+    steps: int,
+) -> None:
+    """Take so many steps down the gradient of a loss, which draws its batch itself."""
+    for _ in range(steps):
+        descent.zero_grad()
+        loss().backward()
+        descent.step()
+        schedule.step()
 
 
 def perceptron(

@@ -20,17 +20,15 @@ from numpy.typing import NDArray
 
 from agents.arguments import SCENE_HELP, BackendArgs, launch, option
 from agents.exports import plain_network
-from agents.imitation import perceptron
+from agents.imitation import descend, perceptron
 from agents.policies import play_network
 from agents.training import hyperparameters
-from agents.validation import RETURN, Validation, validation_ids
+from agents.validation import RETURN, Validation, training_ids, validation_ids
 from sph_gym.controllers import AdaptiveRule, Network
 from sph_gym.env.episode import Episode
-from sph_gym.env.instances import SIZES
 from sph_gym.env.oracle import play
 from sph_gym.env.policies import follow
 from sph_gym.env.rewards import WORST
-from sph_gym.env.selection import members
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import known, whole
@@ -117,15 +115,14 @@ def visit(args: RolloutArgs, number: int, learner: Path | None) -> list[dict[str
 
     learner: network that plays, None for the adaptive rule.
     """
-    count, size = args.episodes, SIZES["train"]
+    count = args.episodes
     path = None if learner is None else str(learner)
     mode, how = args.settings["action_mode"], args.settings["tries"]
     # every round has other instances, until all have been played
     first = (args.seed * args.rounds + number) * count
     jobs = [
-        (path, f"{name}/train/{k % size}", args.seed + k, mode, how)
-        for name in members(args.scene)
-        for k in range(first, first + count)
+        (path, instance, args.seed + k, mode, how)
+        for k, instance in training_ids(args.scene, first, count)
     ]
     # a network counts by its content
     weights = None if learner is None else content_hash(learner)
@@ -208,13 +205,12 @@ def fit_value(args: RolloutArgs, tries: Tries, number: int) -> torch.nn.Module:
     descent = torch.optim.AdamW(module.parameters(), settings["learning_rate"], weight_decay=1e-3)
     steps, rate = settings["gradient_steps"], settings["learning_rate"]
     schedule = torch.optim.lr_scheduler.OneCycleLR(descent, rate, total_steps=steps)
-    for _ in range(steps):
+
+    def loss() -> torch.Tensor:
         batch = torch.randint(len(inputs), (settings["batch_size"],))
-        loss = (module(inputs[batch])[:, 0] - wanted[batch]).square().mean()
-        descent.zero_grad()
-        loss.backward()
-        descent.step()
-        schedule.step()
+        return (module(inputs[batch])[:, 0] - wanted[batch]).square().mean()
+
+    descend(loss, descent, schedule, steps)
     return module.requires_grad_(False)
 
 
@@ -227,7 +223,8 @@ def fit_policy(args: RolloutArgs, tries: Tries, values: Sequence[torch.nn.Module
     steps = settings["gradient_steps"]
     descent = torch.optim.Adam(module.parameters(), settings["learning_rate"])
     decay = torch.optim.lr_scheduler.LinearLR(descent, 1.0, 0.01, total_iters=steps)
-    for _ in range(steps):
+
+    def loss() -> torch.Tensor:
         seen = observations[torch.randint(len(observations), (settings["batch_size"],))]
         wished = module(seen)
         actions = wished.clamp(-1.0, 1.0)
@@ -235,11 +232,9 @@ def fit_policy(args: RolloutArgs, tries: Tries, values: Sequence[torch.nn.Module
         worths = torch.stack([value(inputs)[:, 0] for value in values])
         earned = worths.mean(0) - doubt * worths.std(0, correction=0)
         # without the second term, what is beyond the bounds would never come back
-        loss = 0.1 * (wished - actions).square().mean() - earned.mean()
-        descent.zero_grad()
-        loss.backward()
-        descent.step()
-        decay.step()
+        return 0.1 * (wished - actions).square().mean() - earned.mean()
+
+    descend(loss, descent, decay, steps)
     return plain_network(module, "clip", args.settings["action_mode"])
 
 

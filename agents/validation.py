@@ -36,6 +36,19 @@ def validation_ids(scene: str, count: int) -> list[str]:
     return [f"{name}/val/{k}" for name in members(scene) for k in range(count)]
 
 
+def training_ids(scene: str, first: int, count: int) -> list[tuple[int, str]]:
+    """Return `count` training instances of a scene, or of each of a group, each with its number.
+
+    They begin with number `first`; after the last instance the first one comes again.
+    """
+    size = SIZES["train"]
+    return [
+        (k, f"{name}/train/{k % size}")
+        for name in members(scene)
+        for k in range(first, first + count)
+    ]
+
+
 def play_episode(network: Network, action_mode: str, id_: str) -> dict[str, Any]:
     """Play an episode on an instance; return its summary, with "scene"."""
     scene = id_.split("/")[0]

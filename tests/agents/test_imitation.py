@@ -15,21 +15,10 @@ INSTANCE, LONGER = "patch_impact/train/0", "drop_impact/val/2/dx=0.08"
 
 
 @pytest.fixture
-def at_once(monkeypatch):
+def at_once(monkeypatch, jobs_here):
     """Plays lessons in this process; returns those that were played."""
     torch.set_num_threads(1)
-    played = []
-
-    def run_jobs(function, jobs, keys, results, title, backend):
-        done = []
-        for job, key in zip(jobs, keys, strict=True):
-            kept = results.load(key)
-            if kept is None:
-                played.append(job)
-                kept = results.save(key, function(*job))
-            done.append(kept)
-        return done
-
+    run_jobs, played = jobs_here
     monkeypatch.setattr(imitation, "run_jobs", run_jobs)
     settings = {"net_arch": [8], "learning_rate": 1e-2, "batch_size": 64, "gradient_steps": 200}
     monkeypatch.setattr(

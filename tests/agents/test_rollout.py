@@ -30,21 +30,10 @@ SETTINGS = {
 
 
 @pytest.fixture
-def at_once(monkeypatch):
+def at_once(monkeypatch, jobs_here):
     """Plays episodes in this process; returns those that were played."""
     torch.set_num_threads(1)
-    played = []
-
-    def run_jobs(function, jobs, keys, results, title, backend):
-        done = []
-        for job, key in zip(jobs, keys, strict=True):
-            kept = results.load(key)
-            if kept is None:
-                played.append(job)
-                kept = results.save(key, function(*job))
-            done.append(kept)
-        return done
-
+    run_jobs, played = jobs_here
     monkeypatch.setattr(rollout, "run_jobs", run_jobs)
     monkeypatch.setattr(rollout, "hyperparameters", lambda *_: SETTINGS)
     return played

@@ -1,6 +1,7 @@
 """Cards of the shipped networks, and the figures on them: those that the leaderboard has."""
 
 import json
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -57,30 +58,40 @@ def renewed(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> dict[Path,
     return cards
 
 
-def begin(algorithm: str, scene: str, network: Network, training: dict[str, Any]) -> None:
-    """Write the card of a network that has just been put into the package, and list it as usable.
+def ship(
+    path: Path, name: str, scene: str, *, how: str, command: str, seed: int, minutes: int
+) -> Path:
+    """Copy a network into the package with a card, list it as usable, and return where it is.
 
-    training: the entries "how", "command", "seeds" and "minutes". There are no figures until the
-    leaderboard has played it. For its families it stands behind the networks that are there.
+    path: of the exported network; name: of its algorithm. The others say how it was trained. There
+    are no figures until the leaderboard has played it. For its families it stands behind the
+    networks that are there.
     """
-    name = shipped_network(algorithm, scene).stem
+    target = shipped_network(name, scene)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(path, target)
+    network = Network.load(target)
     n_in, *widths = (weight.shape[1] for weight in network.weights)
     card = {
         "what": f"A policy for {scene}: observations {network.observation!r} to actions "
         f"{network.action!r}, a perceptron with {n_in} inputs and layers of "
         f"{' and '.join(map(str, widths))} {network.activation} units.",
-        **training,
+        "how": how,
+        "command": command,
+        "seeds": [seed],
+        "minutes": minutes,
         "figures": {},
         "limits": "It has not been measured yet (python -m agents.leaderboard).",
     }
-    _write(SHIPPED / f"{name}.json", card)
+    _write(target.with_suffix(".json"), card)
     path = SHIPPED / f"{BEST}.json"
     best = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     # a dictionary: its order, and so the file, is always the same
     for family in dict.fromkeys((*members(scene), scene)):
         usable = best.setdefault(family, [])
-        usable += [name] if name not in usable else []
+        usable += [target.stem] if target.stem not in usable else []
     _write(path, best)
+    return target
 
 
 def write(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> None:

@@ -8,6 +8,8 @@ an action does. Tries are kept on disk and not repeated.
 Source: Lagoudakis and Parr 2003, reinforcement learning as classification.
 """
 
+import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +20,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents.arguments import SCENE_HELP, BackendArgs, launch, option
+from agents import cards
+from agents.arguments import SCENE_HELP, BackendArgs, launch, option, program
 from agents.exports import plain_network
 from agents.imitation import descend, perceptron
 from agents.policies import play_network
@@ -53,6 +56,7 @@ class RolloutArgs(BackendArgs):
     seed: int = option("seed of everything", 0)
     output: Path = option("folder of tries and networks; tries are kept", Path("runs"))
     n_evaluations: int = option("validation episodes on each scene, after every round", 8)
+    ship: bool = option("also put the best network into the package, with a card", False)
 
     def __post_init__(self) -> None:
         whole("rounds", self.rounds, at_least=1)
@@ -91,7 +95,7 @@ def train(args: RolloutArgs) -> None:
     Ctrl-C ends it, and the next call goes on with the tries that are there.
     """
     torch.set_num_threads(1)
-    ids = validation_ids(args.scene, args.n_evaluations)
+    began, ids = time.monotonic(), validation_ids(args.scene, args.n_evaluations)
     validation = Validation(ids, args.folder, args.settings["action_mode"])
     episodes, learner = list[dict[str, Any]](), None
     for number in range(args.rounds):
@@ -105,6 +109,16 @@ def train(args: RolloutArgs) -> None:
         earned = validation.curve[-1][RETURN]
         print(f"round {number}: {tries.values.size} tries, mean return {earned:.3f}")
     print(f"policy: {validation.network}")
+    if args.ship:
+        target = cards.ship(
+            validation.network, "rollout", args.scene,
+            how=f"{args.rounds} rounds of {args.episodes} episodes on each scene, with the "
+            f"hyperparameters {args.settings}; kept is the network that was best on {len(ids)} "
+            "validation flows.",
+            command=" ".join([program(), *sys.argv[1:]]), seed=args.seed,
+            minutes=round((time.monotonic() - began) / 60),
+        )  # fmt: skip
+        print(f"shipped: {target}")
 
 
 # --- tries ----------------------------------------------------------------------------------

@@ -23,7 +23,6 @@ from agents.checkpoints import newest_checkpoint
 from agents.exports import checked_export
 from agents.validation import NETWORK, Validation, ValidationCallback, validation_ids
 from sph_gym.controllers import Network
-from sph_gym.controllers.network import shipped_network
 from sph_gym.env import actions, env_id
 from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.rules import Rules
@@ -216,24 +215,18 @@ class Training:
             self._ship(validation.network, best if best.exists() else last, minutes)
 
     def _ship(self, network: Path, model: Path, minutes: int) -> None:
-        """Copy the network into the package, and the model that it was made of beside this file.
-
-        Its card says how it was trained.
-        """
-        target = shipped_network(self.name, self.args.scene)
+        """Put the network into the package, and the model that it was made of beside this file."""
+        args = self.args
+        target = cards.ship(
+            network, self.name, args.scene,
+            how=f"{args.steps} steps with the hyperparameters {self.hyperparameters}; kept is the "
+            "network that was best on "
+            f"{len(validation_ids(args.scene, args.n_evaluations))} validation flows.",
+            command=" ".join([program(), *sys.argv[1:]]), seed=args.seed, minutes=minutes,
+        )  # fmt: skip
         origin = FOLDER / "trained" / f"{target.stem}.zip"
-        for source, place in ((network, target), (model, origin)):
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, place)
-        args, found = self.args, self.hyperparameters
-        training = {
-            "how": f"{args.steps} steps with the hyperparameters {found}; kept is the network that "
-            f"was best on {len(validation_ids(args.scene, args.n_evaluations))} validation flows.",
-            "command": " ".join([program(), *sys.argv[1:]]),
-            "seeds": [args.seed],
-            "minutes": minutes,
-        }
-        cards.begin(self.name, args.scene, Network.load(target), training)
+        origin.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(model, origin)
         print(f"shipped: {target}")
 
     def _callbacks(self, validation: Validation) -> list[BaseCallback]:

@@ -1,3 +1,5 @@
+import importlib
+
 import pytest
 
 
@@ -17,3 +19,12 @@ def jobs_here():
         return done
 
     return run_jobs, run
+
+
+@pytest.fixture
+def shipped_here(tmp_path, monkeypatch):
+    """The folder of the package's networks, which is an empty one here."""
+    folder = tmp_path / "shipped"
+    for name in ("agents.cards", "sph_gym.controllers.shipped", "sph_gym.controllers.network"):
+        monkeypatch.setattr(importlib.import_module(name), "SHIPPED", folder)
+    return folder

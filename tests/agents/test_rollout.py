@@ -1,4 +1,4 @@
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import torch
 
 from agents import rollout
 from agents.rollout import RolloutArgs, Tries
-from sph_gym.controllers import AdaptiveRule
+from sph_gym.controllers import AdaptiveRule, shipped
 from sph_gym.env.oracle import Step
 from sph_gym.env.rewards import WORST
 from sph_gym.env.tuning import TuningEnv
@@ -132,17 +132,20 @@ def test_doubt_keeps_a_policy_away_from_what_values_disagree_about(at_once, monk
     assert chosen[0.0] > 0.5 > chosen[1.0]
 
 
-def test_it_learns_in_rounds_and_tries_nothing_twice(tmp_path, at_once):
+def test_it_learns_in_rounds_and_tries_nothing_twice(tmp_path, at_once, shipped_here):
     args = RolloutArgs(scene="patch_impact", rounds=2, episodes=1, n_evaluations=1, output=tmp_path)
     rollout.train(args)
+    assert not shipped_here.exists()
     assert [job[1] for job in at_once] == ["patch_impact/train/0", "patch_impact/train/1"]
     assert at_once[0][0] is None
     assert at_once[1][0].endswith("round0.npz")
     content = (args.folder / "network.npz").read_bytes()
     at_once.clear()
-    rollout.train(args)
+    rollout.train(replace(args, ship=True))
     assert not at_once
     assert (args.folder / "network.npz").read_bytes() == content
+    assert shipped("patch_impact", "stable").card["seeds"] == [0]
+    assert (shipped_here / "rollout_patch_impact.npz").read_bytes() == content
 
 
 def test_an_episode_without_tries_is_told():

@@ -3,7 +3,6 @@
 import io
 import json
 import os
-import sys
 import zipfile
 from importlib import import_module
 
@@ -22,7 +21,7 @@ from agents.exports import checked_export, plain_network
 from agents.imitation import ImitationArgs, perceptron
 from agents.policies import Spec, build
 from agents.ppo_warm import WarmArgs
-from sph_gym.controllers import Network, shipped
+from sph_gym.controllers import shipped
 from sph_gym.controllers.network import shipped_network
 from sph_gym.controllers.shipped import fitting, load, names
 from sph_gym.env import env_id
@@ -289,13 +288,11 @@ def test_the_commands_of_cards_are_understood():
         assert found.action_mode == load(name).network.action.partition(" ")[0]
 
 
-def test_a_network_begins_with_a_card_and_has_figures_only_of_its_own(tmp_path, monkeypatch):
-    for module in ("agents.cards", "sph_gym.controllers.shipped", "sph_gym.controllers.network"):
-        monkeypatch.setattr(sys.modules[module], "SHIPPED", tmp_path)
-    path = shipped_network("ppo", "dam_break")
-    tiny().save(path)
-    made = {"how": "quickly", "command": "python -m agents.ppo", "seeds": [3], "minutes": 1}
-    cards.begin("ppo", "dam_break", Network.load(path), made)
+def test_a_network_begins_with_a_card_and_has_figures_only_of_its_own(tmp_path, shipped_here):
+    tiny().save(tmp_path / "trained.npz")
+    made = {"how": "quickly", "command": "python -m agents.ppo", "seed": 3, "minutes": 1}
+    path = cards.ship(tmp_path / "trained.npz", "ppo", "dam_break", **made)
+    assert path == shipped_network("ppo", "dam_break")
     assert shipped("dam_break").card["seeds"] == [3]
     assert fitting("dam_break") == {"ppo": "ppo_dam_break", "best": "ppo_dam_break"}
     card_path = path.with_suffix(".json")

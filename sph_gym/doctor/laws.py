@@ -12,7 +12,7 @@ import numpy as np
 
 from sph_gym.doctor.case import Array
 
-Shape = Callable[[Array], Array]
+Radial = Callable[[Array], Array]
 # A measured curve is that of a kernel if it is nowhere further from it than this share of its
 # largest value. No two of those below are nearer to each other than 0.9 %.
 ALIKE = 0.005
@@ -27,8 +27,8 @@ class Kernel(NamedTuple):
     """
 
     name: str
-    weight: Shape
-    slope: Shape
+    weight: Radial
+    slope: Radial
     solid: float
     pairing: bool = False
 
@@ -37,21 +37,21 @@ def _above(a: float, q: Array, power: int) -> Array:
     return np.asarray(np.maximum(a - q, 0.0) ** power, dtype=np.float64)
 
 
-def _polynomial(factor: float, power: int, *coefficients: float) -> Shape:
+def _polynomial(factor: float, power: int, *coefficients: float) -> Radial:
     """Return q -> factor (1 - q)^power (c0 + c1 q + c2 q^2 + ...)."""
     return lambda q: np.asarray(
         factor / np.pi * _above(1, q, power) * np.polyval(coefficients[::-1], q)
     )
 
 
-def _spline(factor: float, power: int, knots: tuple[float, ...], *shares: float) -> Shape:
+def _spline(factor: float, power: int, knots: tuple[float, ...], *shares: float) -> Radial:
     """Return q -> factor * sum of share (knot - q)^power."""
     return lambda q: np.asarray(
         factor / np.pi * sum(s * _above(k, q, power) for k, s in zip(knots, shares, strict=True))
     )
 
 
-def _gaussian(cut: float, slope: bool) -> Shape:
+def _gaussian(cut: float, slope: bool) -> Radial:
     """Return a Gaussian that ends at `cut` smoothing lengths, or its falling slope."""
 
     def shape(q: Array) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
 from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive
 from sph_gym.doctor.lab import Lab, once
-from sph_gym.doctor.registry import Function
+from sph_gym.doctor.registry import CheckFunction
 from sph_gym.doctor.subject import Crash, SolverUnderTest
 
 # Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
@@ -219,7 +219,7 @@ def takes(lab: Lab, ratio: float) -> bool:
     return bool(np.isfinite(v).all())
 
 
-def tolerant(function: Function) -> Function:
+def tolerant(function: CheckFunction) -> CheckFunction:
     """Make a check inconclusive where the solver refuses to go on.
 
     Some watch their numbers and raise an error in states that are far from a fluid's, as those of

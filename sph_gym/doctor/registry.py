@@ -7,7 +7,7 @@ from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.findings import Finding
 from sph_gym.doctor.lab import Lab
 
-Function = Callable[[Lab], Finding]
+CheckFunction = Callable[[Lab], Finding]
 
 
 class Check(NamedTuple):
@@ -26,7 +26,7 @@ class Check(NamedTuple):
     needs: tuple[str, ...]
     shows: tuple[str, ...]
     last: bool
-    function: Function
+    function: CheckFunction
 
     @property
     def summary(self) -> str:
@@ -43,7 +43,7 @@ def check(
     needs: tuple[str, ...] = ("adapter",),
     shows: tuple[str, ...] = (),
     last: bool = False,
-) -> Callable[[Function], Function]:
+) -> Callable[[CheckFunction], CheckFunction]:
     """Add the decorated function to the checks; see `Check` for the arguments.
 
     The checks are done in the order in which they were added.
@@ -51,7 +51,7 @@ def check(
     if link not in LINKS:
         raise ValueError(f"link: expected one of {', '.join(LINKS)}, got {link!r}")
 
-    def add(function: Function) -> Function:
+    def add(function: CheckFunction) -> CheckFunction:
         name = function.__name__
         missing = [each for each in needs if each not in CHECKS]
         if name in CHECKS or missing:

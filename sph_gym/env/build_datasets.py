@@ -12,7 +12,7 @@ import numpy as np
 from sph_gym import provenance
 from sph_gym.controllers import AdaptiveRule, TunedCfl
 from sph_gym.env import dataset, instances
-from sph_gym.env.dataset import Episode
+from sph_gym.env.dataset import EpisodeRecord
 from sph_gym.env.distributions import FAMILIES
 from sph_gym.env.oracle import Oracle
 from sph_gym.env.policies import Policy, draw_at_random, follow
@@ -22,7 +22,7 @@ from sph_gym.files import atomic_write, cache_home
 from sph_gym.solver import jit
 from sph_gym.solver.checks import known, whole
 
-# Parts of an `Episode` that have one array each; the others are texts.
+# Parts of an `EpisodeRecord` that have one array each; the others are texts.
 ARRAYS = ("observations", "actions", "rewards", "terminations", "truncations")
 
 
@@ -157,14 +157,14 @@ def _kept(plan: Plan, k: int) -> Path:
     return cache_home() / "episodes" / f"{key}.npz"
 
 
-def _as_arrays(episode: Episode) -> dict[str, Any]:
+def _as_arrays(episode: EpisodeRecord) -> dict[str, Any]:
     arrays = {name: np.array(getattr(episode, name)) for name in ARRAYS}
     infos = {f"info_{name}": np.array(values) for name, values in episode.infos.items()}
     about = json.dumps([episode.seed, episode.instance, episode.shown])
     return arrays | infos | {"about": about}
 
 
-def _read(path: Path) -> Episode | None:
+def _read(path: Path) -> EpisodeRecord | None:
     """Return a kept episode, None if there is none that can be read: it is played again then."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
@@ -177,7 +177,7 @@ def _read(path: Path) -> Episode | None:
                 for name in data.files
                 if name.startswith("info_")
             }
-            return Episode._make([seed, instance, shown, *lists, infos])
+            return EpisodeRecord._make([seed, instance, shown, *lists, infos])
     except FileNotFoundError:
         return None
     except Exception as error:  # zipfile.BadZipFile and what else a torn file can raise

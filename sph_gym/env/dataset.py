@@ -21,7 +21,7 @@ from sph_gym.solver.checks import whole
 ROOT = "MINARI_DATASETS_PATH"
 
 
-class Episode(NamedTuple):
+class EpisodeRecord(NamedTuple):
     """A played episode.
 
     seed: of its reset; instance: id that was asked for, None if it was drawn; shown: identity of
@@ -80,7 +80,7 @@ def record(
 
 
 def write(
-    dataset_id: str, env: gym.Env[Any, Any], episodes: Sequence[Episode], **metadata: Any
+    dataset_id: str, env: gym.Env[Any, Any], episodes: Sequence[EpisodeRecord], **metadata: Any
 ) -> Any:
     """Write played episodes as a new Minari dataset, which is complete or absent; return it.
 
@@ -142,7 +142,9 @@ def prepare(dataset_id: str) -> None:
         create_namespace(namespace)
 
 
-def play(env: gym.Env[Any, Any], policy: Policy, seed: int, instance: str | None = None) -> Episode:
+def play(
+    env: gym.Env[Any, Any], policy: Policy, seed: int, instance: str | None = None
+) -> EpisodeRecord:
     """Play one episode, on an instance or on what the environment draws."""
     options = None if instance is None else {"instance": instance}
     observation, info = env.reset(seed=seed, options=options)
@@ -160,12 +162,12 @@ def play(env: gym.Env[Any, Any], policy: Policy, seed: int, instance: str | None
     rewards, terminations, truncations = map(list, zip(*outcomes, strict=True))
     unwrapped: Any = env.unwrapped
     shown = json.dumps(unwrapped.instance._asdict())
-    return Episode(
+    return EpisodeRecord(
         seed, instance, shown, observations, actions, rewards, terminations, truncations, infos
     )
 
 
-def _buffer(episode: Episode) -> Any:
+def _buffer(episode: EpisodeRecord) -> Any:
     """Return an episode as an `EpisodeBuffer`.
 
     `minari.DataCollector` would do the same, but asks for jax to append to lists.
@@ -184,7 +186,7 @@ def _buffer(episode: Episode) -> Any:
     )
 
 
-def _summary(episode: Episode) -> dict[str, Any]:
+def _summary(episode: EpisodeRecord) -> dict[str, Any]:
     """Return an episode's metadata besides seed and options."""
     return {
         "instance": episode.shown,

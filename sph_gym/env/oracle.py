@@ -13,8 +13,9 @@ from sph_gym.controllers.lookahead import Transition, beam_search
 from sph_gym.env import actions
 from sph_gym.env.episode import Episode
 
-Point = tuple[float, float, float]
-State = dict[str, Any]
+# Multiple of the stable step, sound speed and epsilon, as coordinates in [-1, 1].
+ControlSetting = tuple[float, float, float]
+EpisodeState = dict[str, Any]
 
 
 class Search(NamedTuple):
@@ -107,14 +108,14 @@ class Oracle:
         episode.restore(start)
         return self._as_actions(episode, start, branch.moves)[: search.keep]
 
-    def _as_actions(self, episode: Episode, start: State, moves: Any) -> list[Any]:
+    def _as_actions(self, episode: Episode, start: EpisodeState, moves: Any) -> list[Any]:
         present, played, rules = start["coordinates"], [], episode.rules
         for wanted, _ in itertools.product(moves, range(self.search.hold)):
             played.append(rules.actions.toward(np.array(wanted), present, episode.scene))
             present = rules.actions.act(played[-1], present, episode.scene, rules.rate_limit)
         return played[: episode.n_steps - start["step"]]
 
-    def _settings(self, state: State) -> list[Point]:
+    def _settings(self, state: EpisodeState) -> list[ControlSetting]:
         """Return coordinates to try: the present ones, their neighbours, and settings anywhere."""
         search, here = self.search, state["coordinates"]
         tried = [here]
@@ -129,7 +130,9 @@ class Oracle:
             points[:, axis] = value
         return list(dict.fromkeys(tuple(point) for point in points.tolist()))
 
-    def _play(self, episode: Episode, state: State, wanted: Point) -> Transition[State]:
+    def _play(
+        self, episode: Episode, state: EpisodeState, wanted: ControlSetting
+    ) -> Transition[EpisodeState]:
         episode.restore(state)
         earned, over = 0.0, False
         for _ in range(self.search.hold):
@@ -144,7 +147,7 @@ class Oracle:
         return Transition(episode.state(), earned, over)
 
 
-def displaced(state: State, distance: float) -> State:
+def displaced(state: EpisodeState, distance: float) -> EpisodeState:
     """Return the state of an episode with its particles moved at random, by so much [m].
 
     The same state is always changed in the same way.

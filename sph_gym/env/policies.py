@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sph_gym.controllers.rules import Controller
 
 # (environment, observation) -> action
-Policy = Callable[[gym.Env[Any, Any], NDArray[Any]], Any]
+Policy = Callable[[gym.Env[Any, Any], Any], Any]
 
 
 def follow(controller: Controller) -> Policy:

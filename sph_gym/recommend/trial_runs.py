@@ -18,10 +18,10 @@ MOST_TRIALS, MOST_FINEST = 12, 2
 # Runs a setting in a case: its error, NaN after a blow-up, and its effort.
 Probe = Callable[[Setting], tuple[float, float]]
 # Error and effort of the runs of a series in a case, by particles across.
-Runs = dict[int, tuple[float, float]]
+TrialRuns = dict[int, tuple[float, float]]
 
 
-def corrected(series: Series, runs: Runs) -> Series:
+def corrected(series: Series, runs: TrialRuns) -> Series:
     """Return a series as it is in a case that it wasn't measured in, by some runs there.
 
     Errors and promises grow by measured / expected error, and never shrink, since a small error
@@ -53,7 +53,7 @@ class _Case:
 
     def __init__(self, series: Sequence[Series], probe: Probe) -> None:
         self.left = {each.setting: each for each in series}
-        self.ran: dict[Setting, Runs] = {each.setting: {} for each in series}
+        self.ran: dict[Setting, TrialRuns] = {each.setting: {} for each in series}
         self.probe = probe
 
     def series(self) -> list[Series]:

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from sph_gym.controllers.adaptive import smoothing
 from sph_gym.env import actions, instances
 from sph_gym.env.observations import FEATURES, unsquash
+from sph_gym.env.policies import Policy
 from sph_gym.env.tuning import TuningEnv
-from sph_gym.studies import episodes
 from sph_gym.studies.averages import bootstrap_interval
 from sph_gym.studies.episodes import constant, follow
 from sph_gym.studies.results import Results
@@ -93,7 +93,7 @@ def play_settings(instance: str, grid: ControlGrid) -> tuple[Rewards, Rewards, s
     begin, sizes = env.episode.state(), tuple(map(len, grid))
     static, following = np.empty(sizes), np.empty(sizes[:EPSILON])
 
-    def reward(policy: episodes.Policy) -> float:
+    def reward(policy: Policy) -> float:
         env.episode.restore(begin)
         score = follow(env, policy)
         assert score is not None

@@ -2,21 +2,16 @@
 
 import itertools
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from sph_gym.env import actions
-from sph_gym.env.oracle import Step, play
+from sph_gym.env.oracle import ControlSetting, Step, play
+from sph_gym.env.policies import Policy
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.studies.results import Results
-
-# (environment, observation) -> action
-Policy = Callable[[Any, Any], Any]
-# Courant multiple, sound speed and epsilon as coordinates in [-1, 1].
-Setting = tuple[float, float, float]
 
 # A run is within tolerance if no more than this share of its steps is beyond it: even the fine
 # references differ by more than their tolerance now and then.
@@ -98,7 +93,9 @@ class StaticGrid(NamedTuple):
 FULL = StaticGrid()
 
 
-def best_static(scene: str, instance: str, grid: StaticGrid = FULL) -> tuple[Setting, Score] | None:
+def best_static(
+    scene: str, instance: str, grid: StaticGrid = FULL
+) -> tuple[ControlSetting, Score] | None:
     """Return the static setting that is cheapest within tolerance, in hindsight; None if none is.
 
     The work of a static setting is known beforehand: so many substeps a step. The fewest are
@@ -120,7 +117,7 @@ def best_static(scene: str, instance: str, grid: StaticGrid = FULL) -> tuple[Set
     return None
 
 
-def _settings(env: TuningEnv, n: int, grid: StaticGrid) -> list[Setting]:
+def _settings(env: TuningEnv, n: int, grid: StaticGrid) -> list[ControlSetting]:
     """Return the settings that take n substeps a step."""
     scene, low, high = env.sim.scene, *actions.COURANT
     settings = []

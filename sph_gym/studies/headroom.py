@@ -25,12 +25,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym.env import SCENES, instances
-from sph_gym.env.oracle import COARSE, Oracle, Search
+from sph_gym.env.oracle import COARSE, ControlSetting, Oracle, Search
 from sph_gym.files import write_csv
 from sph_gym.studies import controls, episodes, honesty
 from sph_gym.studies.backends import LOCAL, Backend
 from sph_gym.studies.controls import ControlGrid
-from sph_gym.studies.episodes import Score, Setting, StaticGrid, best_static, run
+from sph_gym.studies.episodes import Score, StaticGrid, best_static, run
 from sph_gym.studies.exploits import tuned_cfl
 from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
@@ -100,7 +100,7 @@ class Contest(NamedTuple):
     """
 
     scores: Mapping[str, Score]
-    setting: Setting | None = None
+    setting: ControlSetting | None = None
 
     @property
     def headroom(self) -> float:

@@ -42,7 +42,7 @@ class Half(NamedTuple):
         return solver
 
 
-class Picture(NamedTuple):
+class PictureSpec(NamedTuple):
     """Two solvers side by side; shown: of QUANTITIES, limits: the ends of its colours."""
 
     name: str
@@ -72,7 +72,7 @@ QUANTITIES: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def pictures() -> list[Picture]:
+def pictures() -> list[PictureSpec]:
     """Return all pictures, in the order of the playbook."""
     disorder = cloud(np.random.default_rng(1), 15, 15, DX, 0.1)
     blob = case(0.97 * disorder)
@@ -94,24 +94,24 @@ def pictures() -> list[Picture]:
     thrown = Half("reflected", plain.make, block, 0.2, 0.05)
     nearest, speed = "nearest neighbour [dx]", "speed [m/s]"
     return [
-        Picture("neighbours", fine, _ill(fine, "cells begin at 0", "negative_cells"),
+        PictureSpec("neighbours", fine, _ill(fine, "cells begin at 0", "negative_cells"),
                 "neighbours", (0, 30)),
-        Picture("blob", squeezed, _ill(squeezed, "the gradient has the wrong sign", "attracts"),
+        PictureSpec("blob", squeezed, _ill(squeezed, "the gradient has the wrong sign", "attracts"),
                 speed, (0, 2)),
-        Picture("density", fine._replace(title="with m W(0, h)"),
+        PictureSpec("density", fine._replace(title="with m W(0, h)"),
                 _ill(fine, "without a particle's own share", "no_own_share"),
                 "density / rest density", (0.5, 1.1)),
-        Picture("clamp", stays, _ill(stays, "suction at the surface", "no_clamp"),
+        PictureSpec("clamp", stays, _ill(stays, "suction at the surface", "no_clamp"),
                 nearest, (0.2, 1.0)),
-        Picture("pairing", parted, _ill(parted, "poly6 gradient", "poly6_gradient"),
+        PictureSpec("pairing", parted, _ill(parted, "poly6 gradient", "poly6_gradient"),
                 nearest, (0.2, 1.0)),
-        Picture("time_step", falls, falls._replace(title="dt = 1.1 h/c0", courant=1.1),
+        PictureSpec("time_step", falls, falls._replace(title="dt = 1.1 h/c0", courant=1.1),
                 speed, (0, 4)),
-        Picture("xsph", smooth, smooth._replace(title="epsilon = 0", case=_noisy(0.0)),
+        PictureSpec("xsph", smooth, smooth._replace(title="epsilon = 0", case=_noisy(0.0)),
                 "speed of the motion [m/s]", (0, 1)),
-        Picture("walls", thrown, _ill(thrown, "too fast for thin walls", "thin_walls"),
+        PictureSpec("walls", thrown, _ill(thrown, "too fast for thin walls", "thin_walls"),
                 speed, (0, 6)),
-        Picture("jelly", falls._replace(title="no viscosity", seconds=0.35),
+        PictureSpec("jelly", falls._replace(title="no viscosity", seconds=0.35),
                 _ill(falls._replace(seconds=0.35, courant=0.05), "damped twice and more", "jelly"),
                 speed, (0, 3)),
     ]  # fmt: skip
@@ -136,7 +136,7 @@ def draw(folder: Path) -> list[Path]:
     return [*drawn, _draw_curves(folder / "playbook_curves.png")]
 
 
-def _draw(picture: Picture, path: Path) -> Path:
+def _draw(picture: PictureSpec, path: Path) -> Path:
     figure = new_figure(8, 3.4)
     panels = figure.subplots(1, 2)
     for axes, half, kind in zip(

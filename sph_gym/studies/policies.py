@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 Push = NDArray[np.float64]
-Policy = Callable[[np.random.Generator], Iterator[Push]]
+PushPolicy = Callable[[np.random.Generator], Iterator[Push]]
 
 STEP = 0.2
 
 
-def drawn(draw: Callable[[np.random.Generator], Any]) -> Policy:
+def drawn(draw: Callable[[np.random.Generator], Any]) -> PushPolicy:
     """Return a policy that draws every push anew."""
 
     def policy(rng: np.random.Generator) -> Iterator[Push]:
@@ -63,7 +63,7 @@ def held(rng: np.random.Generator) -> Iterator[Push]:
         yield push
 
 
-POLICIES: dict[str, Policy] = {
+HOSTILE: dict[str, PushPolicy] = {
     "uniform": drawn(lambda rng: rng.uniform(-1, 1, 3)),
     "corners": drawn(corner),
     "switching": switching,

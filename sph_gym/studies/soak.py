@@ -24,7 +24,7 @@ from sph_gym.extras import progress_bar
 from sph_gym.solver.failure import CAUSES
 from sph_gym.solver.scene import Scene
 from sph_gym.studies.contract import PROMISES, ContractChecker
-from sph_gym.studies.policies import POLICIES, Push
+from sph_gym.studies.policies import HOSTILE, Push
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
 
@@ -114,9 +114,9 @@ class Player:
 
     def begin(self) -> None:
         """Take the next policy, for a new episode."""
-        names = list(POLICIES)
+        names = list(HOSTILE)
         self.name = names[self._turn % len(names)]
-        self._pushes: Iterator[Push] = POLICIES[self.name](self._rng)
+        self._pushes: Iterator[Push] = HOSTILE[self.name](self._rng)
         self._turn += 1
 
     def act(self) -> Any:
@@ -224,13 +224,13 @@ def rows(found: list[tuple[Chunk, dict[str, Any]]], wanted: int) -> Iterator[Row
     for id_ in IDS:
         steps = [sum(result["policies"].values()) for chunk, result in found if chunk.id == id_]
         yield Row("steps", id_, sum(steps), "")
-    for policy in POLICIES:
+    for policy in HOSTILE:
         yield Row("steps", f"policy: {policy}", total("policies", policy), "")
     for cause in CAUSES:
         yield Row("blow-ups", cause, total("blowups", cause), "")
     for title, quantity in (("rollbacks", "rollbacks"), ("wrong actions refused", "refused")):
         yield Row(title, "all", sum(result[quantity] for _, result in found), "")
-    all_steps = sum(total("policies", policy) for policy in POLICIES)
+    all_steps = sum(total("policies", policy) for policy in HOSTILE)
     yield Row("steps", "all", all_steps, "", wanted, at_least=True)
     for promise in PROMISES:
         yield Row("violations", promise, total("violations", promise), "", 0)

@@ -4,7 +4,7 @@ import pytest
 import sph_gym
 from sph_gym.studies import contract, soak
 from sph_gym.studies.contract import PROMISES, ContractChecker
-from sph_gym.studies.policies import POLICIES
+from sph_gym.studies.policies import HOSTILE
 
 TANK = {"scene": "hydrostatic_tank", "dx": 0.06}
 RECKLESS = np.array([1.0, 1.0, -1.0], np.float32)
@@ -36,9 +36,9 @@ def test_all_is_well(n_envs, mode):
     assert found["refused"] > 0
 
 
-@pytest.mark.parametrize("name", POLICIES)
+@pytest.mark.parametrize("name", HOSTILE)
 def test_policies_stay_in_the_box(name):
-    pushes = POLICIES[name](np.random.default_rng(0))
+    pushes = HOSTILE[name](np.random.default_rng(0))
     taken = np.array([next(pushes).copy() for _ in range(50)])
     assert taken.shape == (50, 3)
     assert np.abs(taken).max() <= 1

@@ -5,11 +5,11 @@ import numpy as np
 from sph_gym.doctor.faults.registry import fault, replaces
 from sph_gym.doctor.plain import Indices, Plain
 
-Pairs = tuple[Indices, Indices]
+IndexPairs = tuple[Indices, Indices]
 
 
 @replaces("candidates", "neighbours", 2)
-def negative_cells(solver: Plain, cells: Indices) -> Pairs:
+def negative_cells(solver: Plain, cells: Indices) -> IndexPairs:
     """The grid begins at 0: particles at negative coordinates are in no cell."""
     i, j = Plain.candidates(solver, cells)
     inside = cells.min(axis=1) >= 0
@@ -17,7 +17,7 @@ def negative_cells(solver: Plain, cells: Indices) -> Pairs:
 
 
 @replaces("candidates", "neighbours", 2)
-def grid_ends(solver: Plain, cells: Indices) -> Pairs:
+def grid_ends(solver: Plain, cells: Indices) -> IndexPairs:
     """The grid ends 64 cells from the origin, and particles that have left it aren't found."""
     i, j = Plain.candidates(solver, cells)
     inside = np.abs(cells).max(axis=1) < 64
@@ -36,7 +36,7 @@ class StaleLists(Plain):
 
     age = 0
 
-    def candidates(self, cells: Indices) -> Pairs:
+    def candidates(self, cells: Indices) -> IndexPairs:
         if self.age % 20 == 0:
             self.kept = super().candidates(cells)
             near = np.linalg.norm(self.x[self.kept[0]] - self.x[self.kept[1]], axis=1) < self.h
@@ -60,7 +60,7 @@ class ListsOfTheStart(Plain):
 
 
 @replaces("candidates", "neighbours", 2)
-def missing_column(solver: Plain, cells: Indices) -> Pairs:
+def missing_column(solver: Plain, cells: Indices) -> IndexPairs:
     """The column of cells on the right is left out, by a loop that ends one too early."""
     i, j = Plain.candidates(solver, cells)
     kept = cells[j, 0] <= cells[i, 0]
@@ -68,7 +68,7 @@ def missing_column(solver: Plain, cells: Indices) -> Pairs:
 
 
 @replaces("candidates", "neighbours", 2)
-def no_corner_cells(solver: Plain, cells: Indices) -> Pairs:
+def no_corner_cells(solver: Plain, cells: Indices) -> IndexPairs:
     """The four cells that touch only at a corner are left out of the eight around."""
     i, j = Plain.candidates(solver, cells)
     kept = np.abs(cells[j] - cells[i]).sum(axis=1) < 2
@@ -76,7 +76,7 @@ def no_corner_cells(solver: Plain, cells: Indices) -> Pairs:
 
 
 @replaces("candidates", "neighbours", 2)
-def column_visited_twice(solver: Plain, cells: Indices) -> Pairs:
+def column_visited_twice(solver: Plain, cells: Indices) -> IndexPairs:
     """The cells on the right are searched twice: two indices lead to one place of the hash."""
     i, j = Plain.candidates(solver, cells)
     again = cells[j, 0] > cells[i, 0]
@@ -95,14 +95,14 @@ def sixteen_neighbors(solver: Plain) -> None:
 
 
 @replaces("candidates", "neighbours", 2)
-def pairs_counted_twice(solver: Plain, cells: Indices) -> Pairs:
+def pairs_counted_twice(solver: Plain, cells: Indices) -> IndexPairs:
     """Each neighbour is twice in the list."""
     i, j = Plain.candidates(solver, cells)
     return np.concatenate([i, i]), np.concatenate([j, j])
 
 
 @replaces("candidates", "neighbours", 2)
-def one_of_two(solver: Plain, cells: Indices) -> Pairs:
+def one_of_two(solver: Plain, cells: Indices) -> IndexPairs:
     """Pairs are listed once, i < j, but only i is given its share."""
     i, j = Plain.candidates(solver, cells)
     return i[i < j], j[i < j]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.doctor.reading import Frame, Recording
+from sph_gym.doctor.reading import Frame, RecordedFrames
 from sph_gym.doctor.reading.frames import Array
 from sph_gym.extras import needs_extra
 
@@ -67,7 +67,7 @@ class RecordingSurvey:
     notes: for the diagnosis.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: RecordedFrames) -> None:
         self.recording, self.known = recording, recording.known
         self.notes: list[str] = []
         self.looks: list[FrameSums] = []

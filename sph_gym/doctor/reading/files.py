@@ -14,7 +14,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from sph_gym import trajectory
-from sph_gym.doctor.reading.frames import Frame, Known, Recording, planar
+from sph_gym.doctor.reading.frames import Frame, Known, RecordedFrames, planar
 from sph_gym.doctor.reading.legacy_vtk import read_legacy_vtk
 from sph_gym.doctor.reading.names import TIME, frame_of, named, stacked
 from sph_gym.doctor.reading.pysph import frame_of_pysph
@@ -26,7 +26,7 @@ from sph_gym.solver.scene import Scene
 ARCHIVES = (".npz", ".h5", ".hdf5")
 
 
-def open_recording(path: str | os.PathLike[str]) -> Recording:
+def open_recording(path: str | os.PathLike[str]) -> RecordedFrames:
     """Return the recording at a path, two-dimensional if one coordinate is the same for all.
 
     path: of a .npz or .h5 with arrays (frames, n[, 2]), as a `Recorder` writes them or others do;
@@ -55,9 +55,9 @@ def open_recording(path: str | os.PathLike[str]) -> Recording:
 # --- one file a frame -----------------------------------------------------------------------
 
 
-def _series(path: Path, read: Callable[[Path], Any], form: str) -> Recording:
+def _series(path: Path, read: Callable[[Path], Any], form: str) -> RecordedFrames:
     files = series_of(path)
-    return Recording(str(path), form, [partial(_read_frame, file, read) for file in files])
+    return RecordedFrames(str(path), form, [partial(_read_frame, file, read) for file in files])
 
 
 def _read_frame(path: Path, read: Callable[[Path], Any], time: float = float("nan")) -> Frame:
@@ -79,7 +79,7 @@ def _read_vtu(path: Path) -> dict[str, Any]:
 _READERS = {".vtk": read_legacy_vtk, ".vtu": _read_vtu, ".csv": read_table}
 
 
-def _open_pvd(path: Path) -> Recording:
+def _open_pvd(path: Path) -> RecordedFrames:
     files, times = read_pvd(path)
     for file in files:
         known(f"{path}: suffix of {file.name}", file.suffix.lower(), _READERS)
@@ -91,7 +91,7 @@ def _open_pvd(path: Path) -> Recording:
     ]
     text = path.with_suffix("") / "scene.json"
     scene = _scene(json.loads(text.read_text(encoding="utf-8"))) if text.is_file() else None
-    return Recording(str(path), "ParaView's .pvd", loads, Known(scene))
+    return RecordedFrames(str(path), "ParaView's .pvd", loads, Known(scene))
 
 
 def _scene(data: Any) -> Scene | None:
@@ -105,7 +105,7 @@ def _scene(data: Any) -> Scene | None:
 # --- one file for all frames ----------------------------------------------------------------
 
 
-def _open_archive(path: Path) -> Recording:
+def _open_archive(path: Path) -> RecordedFrames:
     names = _names(path)
     if "parameters" in names and any(name.startswith("fields/") for name in names):
         return _open_trajectory(path)
@@ -118,17 +118,17 @@ def _open_archive(path: Path) -> Recording:
     times = _times(arrays, n_frames)
     loads = [partial(_slice, arrays, k, n_frames, float(times[k]), str(path))
              for k in range(n_frames)]  # fmt: skip
-    return Recording(str(path), f"arrays of {n_frames} frames", loads)
+    return RecordedFrames(str(path), f"arrays of {n_frames} frames", loads)
 
 
-def _open_trajectory(path: Path) -> Recording:
+def _open_trajectory(path: Path) -> RecordedFrames:
     read = trajectory.read(path)
     kind = read.parameters.get("kind")
     loads = [partial(_of_trajectory, read, k, kind) for k in range(len(read.times))]
     scene = _scene(read.parameters.get("scene"))
     stiffness = read.controls[:, 1]
     known = Known(scene, stiffness if np.isfinite(stiffness).all() else None)
-    return Recording(str(path), "recording of sph_gym", loads, known)
+    return RecordedFrames(str(path), "recording of sph_gym", loads, known)
 
 
 def _of_trajectory(read: trajectory.Trajectory, k: int, kind: Any) -> Frame:

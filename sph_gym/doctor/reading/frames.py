@@ -56,7 +56,7 @@ class Known(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedFrames:
     """Frames that are read when they are asked for.
 
     path: of the file or folder; form: what kind of recording it is, in words; loads: one function
@@ -76,7 +76,7 @@ class Recording:
         return self.loads[k]()
 
 
-def planar(recording: Recording) -> Recording:
+def planar(recording: RecordedFrames) -> RecordedFrames:
     """Return the recording without the coordinate that is the same for all, if it has three.
 
     Files of ParaView are always three-dimensional, and a plane flow of DualSPHysics is in x and z.

@@ -8,7 +8,7 @@ import numpy as np
 
 from sph_gym.doctor.reading.frames import Array, Frame
 
-Arrays = Mapping[str, Any]
+NamedArrays = Mapping[str, Any]
 
 # Names as `tidy` leaves them: small letters and digits, without units. DualSPHysics writes Pos.x,
 # Vel, Rhop, Press, Idp and Type; PySPH x, y, z, u, v, w, rho, p, gid; ParaView Points:0 in tables.
@@ -35,7 +35,7 @@ def tidy(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.split("[")[0].rsplit("/", 1)[-1].lower())
 
 
-def named(arrays: Arrays) -> dict[str, Any]:
+def named(arrays: NamedArrays) -> dict[str, Any]:
     """Return arrays by their tidy names; the first of those that share one."""
     found: dict[str, Any] = {}
     for name, array in arrays.items():
@@ -43,7 +43,7 @@ def named(arrays: Arrays) -> dict[str, Any]:
     return found
 
 
-def frame_of(arrays: Arrays, place: str, time: float = float("nan")) -> Frame:
+def frame_of(arrays: NamedArrays, place: str, time: float = float("nan")) -> Frame:
     """Return the frame that is in arrays with one row a particle.
 
     place: of the arrays, for messages. Raises ValueError, with the names that are there, if there
@@ -72,13 +72,13 @@ def frame_of(arrays: Arrays, place: str, time: float = float("nan")) -> Frame:
     return frame
 
 
-def unknown(place: str, arrays: Arrays) -> str:
+def unknown(place: str, arrays: NamedArrays) -> str:
     """Return the message for a file in which no positions were found."""
     shapes = [f"{name} {np.shape(array)}" for name, array in sorted(arrays.items())]
     return f"{place}: expected {EXPECTED}; got {', '.join(shapes) or 'no arrays at all'}"
 
 
-def stacked(arrays: Arrays) -> int | None:
+def stacked(arrays: NamedArrays) -> int | None:
     """Return how many frames are in arrays (frames, n[, d]); None if rows are particles of one."""
     columns = named(arrays)
     for name in POSITION:
@@ -95,7 +95,7 @@ def _components(stems: tuple[str, ...]) -> list[tuple[str, ...]]:
     return [tuple(stem + axis for axis in axes) for stem in stems for axes in ("xyz", "012")]
 
 
-def vector(columns: Arrays, whole: tuple[str, ...], stems: tuple[str, ...]) -> Array | None:
+def vector(columns: NamedArrays, whole: tuple[str, ...], stems: tuple[str, ...]) -> Array | None:
     """Return a column of vectors (n, d), stored as one array or as one a direction.
 
     whole: names of the one array; stems: beginnings of the names of the others. In PySPH's files
@@ -115,7 +115,7 @@ def vector(columns: Arrays, whole: tuple[str, ...], stems: tuple[str, ...]) -> A
     return np.array(found, np.float64)
 
 
-def _first(columns: Arrays, names: tuple[str, ...], dimensions: int) -> Any:
+def _first(columns: NamedArrays, names: tuple[str, ...], dimensions: int) -> Any:
     """Return the first of these arrays that has so many dimensions, and numbers in it."""
     for name in names:
         if name in columns:
@@ -127,12 +127,12 @@ def _first(columns: Arrays, names: tuple[str, ...], dimensions: int) -> Any:
     return None
 
 
-def _scalar(columns: Arrays, names: tuple[str, ...]) -> Array | None:
+def _scalar(columns: NamedArrays, names: tuple[str, ...]) -> Array | None:
     found = _first(columns, names, 1)
     return None if found is None else np.array(found, np.float64)
 
 
-def _walls(columns: Arrays) -> Any:
+def _walls(columns: NamedArrays) -> Any:
     """Return (n,) which particles are walls: by this project's `kind`, or DualSPHysics' `Type`."""
     kind = _first(columns, ("kind",), 1)
     if kind is not None:
@@ -143,7 +143,7 @@ def _walls(columns: Arrays) -> Any:
     return None
 
 
-def _time(columns: Arrays) -> float:
+def _time(columns: NamedArrays) -> float:
     """Return the time [s] where it is stored as a single number, else NaN."""
     for name in TIME:
         if name in columns and np.size(columns[name]) == 1:

@@ -26,7 +26,7 @@ WORTHWHILE = 1.1
 # Knobs whose best value is also run by itself at all resolutions, which ends its luck.
 ALONE = ("width", "kernel", "density", "sound")
 
-Runs = Mapping[Setting, Point]
+FoundPoints = Mapping[Setting, Point]
 
 
 # Values of each knob: factors of h / dx, of the stable step and of c0; epsilons; names.
@@ -115,7 +115,7 @@ def _values(plan: StudyPlan, case: Refinement, start: Setting) -> dict[str, Sequ
     return values
 
 
-def combined(plan: StudyPlan, case: Refinement, found: Runs) -> Iterator[Setting]:
+def combined(plan: StudyPlan, case: Refinement, found: FoundPoints) -> Iterator[Setting]:
     """Yield the series that are run besides the nominal one, as settings at no resolution.
 
     One knob after the other takes the value with the largest gain by itself, by deterministic work
@@ -142,7 +142,7 @@ def combined(plan: StudyPlan, case: Refinement, found: Runs) -> Iterator[Setting
         yield start.series._replace(controller="tuned_cfl")
 
 
-def alone(plan: StudyPlan, case: Refinement, found: Runs) -> list[Setting]:
+def alone(plan: StudyPlan, case: Refinement, found: FoundPoints) -> list[Setting]:
     """Return the series in which one knob has its best value: is it more than luck?"""
     if not plan.chain or case.erratic:
         return []
@@ -150,7 +150,9 @@ def alone(plan: StudyPlan, case: Refinement, found: Runs) -> list[Setting]:
     return [own._replace(**{knob: values[knob][0]}) for knob in ALONE if knob in values]
 
 
-def _worthwhile(plan: StudyPlan, case: Refinement, found: Runs) -> dict[str, tuple[Any, float]]:
+def _worthwhile(
+    plan: StudyPlan, case: Refinement, found: FoundPoints
+) -> dict[str, tuple[Any, float]]:
     """Return value and gain of each knob whose best value by itself is worthwhile.
 
     Pairs are counted, since no noise is in them; for the precision, which hardly changes their

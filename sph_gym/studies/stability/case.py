@@ -13,7 +13,7 @@ from sph_gym.studies.stability.events import Event
 
 # --- Controls -------------------------------------------------------------------------------
 
-Steer = Callable[[Simulation, int], Controls]
+StepControls = Callable[[Simulation, int], Controls]
 
 
 def stable_step(
@@ -44,7 +44,7 @@ def stiff_at_once(sim: Simulation, frame: int, factor: float) -> Controls:
     return controls._replace(stiffness=(factor if frame > 1 else 1.0) * controls.stiffness)
 
 
-def switching(*steers: Steer) -> Steer:
+def switching(*steers: StepControls) -> StepControls:
     """Take one steer after the other, another one in every frame."""
     return lambda sim, frame: steers[frame % len(steers)](sim, frame)
 
@@ -91,7 +91,7 @@ class HardCase(NamedTuple):
     soon: Callable[..., Scene] | None = None
     frames: int = 100
     quick: int = 12
-    steer: Steer = stable_step
+    steer: StepControls = stable_step
     stable: bool = True
     causes: tuple[str, ...] = ("cfl",)
     calm: float | None = None

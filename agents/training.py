@@ -70,11 +70,12 @@ class Trial(NamedTuple):
 
     settings: hyperparameters instead of those of the YAML file, those within groups as
     "group.name"; report: is told steps and mean return of every validation, and may raise to end
-    the training.
+    the training; silent: whether it shows no progress bar of its own.
     """
 
     settings: dict[str, Any]
     report: Callable[[int, float], None]
+    silent: bool = False
 
 
 @dataclass(frozen=True)
@@ -198,7 +199,7 @@ class Training:
                 callback=CallbackList([*more, *self._callbacks(validation)]),
                 tb_log_name="train",
                 reset_num_timesteps=not args.resume,
-                progress_bar=True,
+                progress_bar=self.trial is None or not self.trial.silent,
             )
         except KeyboardInterrupt:
             if self.trial is not None:

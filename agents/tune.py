@@ -1,12 +1,12 @@
 """Hyperparameters of an algorithm by Optuna: `python -m agents.tune --algorithm ppo`.
 
 The study is a journal in the output folder, to which every training adds as it ends: a study that
-was interrupted goes on, and several processes can work on one at the same time. Trainings that do
-worse than the median at the same step are ended early. The best settings are printed as an entry
-for hyperparams/ALGORITHM.yml.
+was interrupted goes on, and several processes can work on one at the same time, also those of a
+cluster that share this folder. Trainings that do worse than the median at the same step are ended
+early. The best settings are printed as an entry for hyperparams/ALGORITHM.yml.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import optuna
+import torch
 import yaml
 from optuna.distributions import (
     BaseDistribution,
@@ -25,22 +26,26 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import TrialState
 
-from agents.arguments import SCENE_HELP, launch, option
+from agents.arguments import SCENE_HELP, BackendArgs, launch, option
 from agents.training import FOLDER, TrainingArgs, Trial, hyperparameters, replaced
 from sph_gym.env import env_id
 from sph_gym.files import atomic_write
 from sph_gym.solver.checks import known, whole
-from sph_gym.studies.jobs import INTERRUPTED
+from sph_gym.studies.backends import Backend
+from sph_gym.studies.jobs import INTERRUPTED, run_jobs
+from sph_gym.studies.results import Results
 
 # Arguments that all trainings of a study share: others give returns that can't be compared.
 SHARED = ("steps", "n_envs", "evaluate_every", "n_evaluations")
 # Validations before which no training is ended early, and trainings before the first that may be.
 WARM_UP, FIRST = 2, 4
 ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
+# In this process, one training after another.
+ALONE = Backend(workers=1)
 
 
 @dataclass
-class TuneArgs:
+class TuneArgs(BackendArgs):
     """Arguments of a search for hyperparameters."""
 
     algorithm: str = option("ppo, ppo_lagrangian, ppo_warm, sac or dqn", "ppo")
@@ -52,11 +57,19 @@ class TuneArgs:
     n_evaluations: int = option("validation episodes on each scene", 4)
     seed: int = option("of the sampler; another one for every process on one study", 0)
     output: Path = option("folder of the study", Path("runs"))
+    workers: int | None = option("trainings side by side on this machine", 1)
 
     def __post_init__(self) -> None:
+        self.where()
         known("algorithm", self.algorithm, spaces())
         whole("trials", self.trials, at_least=1)
         self.training(self.seed)
+
+    def where(self) -> Backend:
+        """Return the backend. Raises ValueError for an unknown name and for wrong options."""
+        # a cluster with an address has workers of its own
+        workers = None if self.address is not None and self.workers == 1 else self.workers
+        return Backend(self.backend, self.address, workers).checked()
 
     @property
     def folder(self) -> Path:
@@ -142,28 +155,52 @@ def run_trial(args: TuneArgs, trial: optuna.Trial) -> float:
             raise optuna.TrialPruned
 
     train = import_module(f"agents.{args.algorithm}").train
-    train(args.training(trial.number), Trial(trial.params, report))
+    train(args.training(trial.number), Trial(trial.params, report, silent=args.where() != ALONE))
     return max(returns)
 
 
 def tune(args: TuneArgs) -> optuna.Study:
     """Run the trainings that the study lacks, and return it."""
     study = open_study(args)
-    space = {name: distribution(each) for name, each in spaces()[args.algorithm].items()}
-    while sum(trial.state in ENDED for trial in study.trials) < args.trials:
-        trial = study.ask(space)
-        try:
-            value = run_trial(args, trial)
-        except optuna.TrialPruned:
-            study.tell(trial, state=TrialState.PRUNED)
-        except BaseException:
-            # it doesn't count, Ctrl-C above all
-            study.tell(trial, state=TrialState.FAIL)
-            raise
-        else:
-            study.tell(trial, value)
-            print(f"training {trial.number}: {value:.3f}, the best so far {study.best_value:.3f}")
+    if args.where() != ALONE:
+        first = len(study.trials)
+        jobs = [(replace(args, seed=args.seed + k),) for k in range(args.trials - count(study))]
+        # the journal knows what is done: no result is ever taken instead of a training
+        keys = [[first, k] for k in range(len(jobs))]
+        run_jobs(train_once, jobs, keys, Results(args.folder / "done"), "trainings", args.where())
+    while count(study) < args.trials:
+        number, value = train_with(args, study)
+        if value is not None:
+            print(f"training {number}: {value:.3f}, the best so far {study.best_value:.3f}")
     return study
+
+
+def count(study: optuna.Study) -> int:
+    """Return how many trainings have ended."""
+    return sum(trial.state in ENDED for trial in study.trials)
+
+
+def train_once(args: TuneArgs) -> list[Any]:
+    """Open the study and add one training to it; return its number and best validation."""
+    torch.set_num_threads(1)
+    return list(train_with(args, open_study(args)))
+
+
+def train_with(args: TuneArgs, study: optuna.Study) -> tuple[int, float | None]:
+    """Add a training to the study; return its number and best validation, None if ended early."""
+    space = {name: distribution(each) for name, each in spaces()[args.algorithm].items()}
+    trial = study.ask(space)
+    try:
+        value = run_trial(args, trial)
+    except optuna.TrialPruned:
+        study.tell(trial, state=TrialState.PRUNED)
+        return trial.number, None
+    except BaseException:
+        # it doesn't count, Ctrl-C above all
+        study.tell(trial, state=TrialState.FAIL)
+        raise
+    study.tell(trial, value)
+    return trial.number, value
 
 
 def entry(args: TuneArgs, study: optuna.Study) -> str:
@@ -182,8 +219,7 @@ def main(args: TuneArgs) -> None:
     best = args.folder / "best.yml"
     with atomic_write(best) as draft:
         draft.write_text(entry(args, study))
-    ended = sum(trial.state in ENDED for trial in study.trials)
-    print(f"{best.read_text()}best of {ended} trainings: {study.best_value:.3f}; {best}")
+    print(f"{best.read_text()}best of {count(study)} trainings: {study.best_value:.3f}; {best}")
     usual = present(args)
     for trial in study.trials:
         if trial.state == TrialState.COMPLETE and trial.params == usual:

@@ -53,6 +53,29 @@ def test_a_study_goes_on(tmp_path, trainings):
     assert len({each.args.seed for each in trainings}) == 5
 
 
+def test_trainings_side_by_side_are_as_many_as_the_study_lacks(
+    tmp_path, trainings, jobs_here, monkeypatch
+):
+    run_jobs, jobs = jobs_here
+    monkeypatch.setattr(tune, "run_jobs", run_jobs)
+    tune.tune(TuneArgs(trials=2, output=tmp_path))
+    args = TuneArgs(trials=5, workers=2, seed=7, output=tmp_path)
+    study = tune.tune(args)
+    assert [job.seed for (job,) in jobs] == [7, 8, 9]
+    assert len(trainings) == len(study.trials) == 5
+    assert len({each.args.seed for each in trainings}) == 5
+    assert len({each.settings["learning_rate"] for each in trainings}) == 5
+    tune.tune(args)
+    assert len(jobs) == 3
+
+
+def test_where_trainings_go():
+    assert TuneArgs().where() == tune.ALONE
+    assert TuneArgs(backend="dask", address="a:1").where() == ("dask", "a:1", None)
+    with pytest.raises(ValueError, match="workers: a cluster with an address"):
+        TuneArgs(backend="dask", address="a:1", workers=4)
+
+
 def test_an_interrupted_training_does_not_count(tmp_path, trainings, monkeypatch, capsys):
     def interrupt(args, trial):
         raise KeyboardInterrupt
@@ -71,7 +94,7 @@ def test_an_interrupted_training_does_not_count(tmp_path, trainings, monkeypatch
 
 @pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "ppo_warm", "sac", "dqn"])
 def test_present_settings_are_within_what_is_tried(tmp_path, algorithm):
-    args = TuneArgs(algorithm, scene="benchmark", output=tmp_path)
+    args = TuneArgs(algorithm=algorithm, scene="benchmark", output=tmp_path)
     space = {k: tune.distribution(each) for k, each in tune.spaces()[algorithm].items()}
     # Optuna warns of values outside, and a warning is an error here
     trial = tune.open_study(args).ask(space)
@@ -111,4 +134,4 @@ def test_wrong_arguments_leave_no_folder(tmp_path, wrong, message):
 
 def test_unknown_algorithms_are_refused():
     with pytest.raises(ValueError, match="algorithm: expected one of ppo, ppo_lagrangian"):
-        TuneArgs("magic")
+        TuneArgs(algorithm="magic")

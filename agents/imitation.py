@@ -49,6 +49,8 @@ class ImitationArgs(BackendArgs):
         known("teacher", self.teacher, TEACHERS)
         whole("rounds", self.rounds, at_least=1)
         whole("lessons", self.lessons, at_least=1)
+        whole("seed", self.seed)
+        validation_ids(self.scene, self.n_evaluations)
         known("action_mode", self.settings["action_mode"], CONTINUOUS)
 
     @property

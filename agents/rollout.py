@@ -55,7 +55,7 @@ class RolloutArgs(BackendArgs):
     episodes: int = option("episodes of a round, on training instances of each scene", 16)
     seed: int = option("seed of everything", 0)
     output: Path = option("folder of tries and networks; tries are kept", Path("runs"))
-    n_evaluations: int = option("validation episodes on each scene, after every round", 8)
+    n_evaluations: int = option("validation episodes on each scene, after every round", 16)
     ship: bool = option("also put the best network into the package, with a card", False)
 
     def __post_init__(self) -> None:

@@ -1,7 +1,6 @@
 """Cards of the shipped networks, and the figures on them: those that the leaderboard has."""
 
 import json
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -63,14 +62,14 @@ def ship(
 ) -> Path:
     """Copy a network into the package with a card, list it as usable, and return where it is.
 
-    path: of the exported network; name: of its algorithm. The others say how it was trained. There
-    are no figures until the leaderboard has played it. For its families it stands behind the
-    networks that are there.
+    path: of the exported network; name: of its algorithm; how, command, seed, minutes: of the
+    training. There are no figures until the leaderboard has played it. In the list of the best
+    networks it comes last.
     """
     target = shipped_network(name, scene)
     target.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(path, target)
-    network = Network.load(target)
+    network = Network.load(path)
+    network.save(target)
     n_in, *widths = (weight.shape[1] for weight in network.weights)
     card = {
         "what": f"A policy for {scene}: observations {network.observation!r} to actions "

@@ -46,6 +46,7 @@ class ImitationArgs(BackendArgs):
     )
 
     def __post_init__(self) -> None:
+        self.where()
         known("teacher", self.teacher, TEACHERS)
         whole("rounds", self.rounds, at_least=1)
         whole("lessons", self.lessons, at_least=1)
@@ -145,7 +146,7 @@ def descend(
 def perceptron(
     n_in: int, widths: Sequence[int], n_out: int, unit: type[torch.nn.Module] = torch.nn.Tanh
 ) -> torch.nn.Sequential:
-    """Return a perceptron, by default with tanh units, as PPO has, so that it can go on with it."""
+    """Return a perceptron, by default with tanh units: PPO goes on with such networks."""
     sizes, layers = [n_in, *widths], list[torch.nn.Module]()
     for before, after in itertools.pairwise(sizes):
         layers += [torch.nn.Linear(before, after), unit()]

@@ -189,6 +189,9 @@ class Training:
         args, best, began = self.args, self.folder / "best_model.zip", time.monotonic()
         ids = validation_ids(args.scene, args.n_evaluations)
         validation = Validation(ids, self.folder, self.action_mode, args.resume)
+        if not validation.curve:
+            # one of a former run would be exported as what this one has learned
+            validation.network.unlink(missing_ok=True)
         if not args.resume:
             # else --resume could take up the training before this one
             best.unlink(missing_ok=True)

@@ -61,7 +61,8 @@ class Validation:
     """Validation of a training; `judge` is to be called now and then.
 
     instances: the episodes of every validation; folder: gets validation.csv, a row a validation,
-    and network.npz, the best network so far; resume: go on from the curve that is there.
+    and network.npz, the best network so far, at first in place of a former run's; resume: go on
+    from the curve that is there.
     The measure is the mean return per planned step, so that all episodes count alike.
     """
 
@@ -72,9 +73,6 @@ class Validation:
 
     def __post_init__(self) -> None:
         self.curve = self._read() if self.resume else []
-        if not self.curve:
-            # the best network of a former run is not that of this one
-            self.network.unlink(missing_ok=True)
 
     @property
     def network(self) -> Path:

@@ -93,6 +93,7 @@ def _local(address: None, n_workers: int) -> Iterator[Submit]:
     threads, own = ThreadPoolExecutor(n_workers), threading.local()
     context = multiprocessing.get_context("spawn")
     started: list[tuple[int, ProcessPoolExecutor]] = []
+    closing = threading.Event()
 
     def run(function: Callable[..., Any], *arguments: Any) -> Any:
         for _ in range(ATTEMPTS):
@@ -103,12 +104,16 @@ def _local(address: None, n_workers: int) -> Iterator[Submit]:
                 return own.process.submit(function, *arguments).result()
             except BrokenProcessPool as error:
                 own.process, broken = None, error
+                if closing.is_set():
+                    # no crash: the process was ended below
+                    break
         raise RuntimeError(f"a job has ended {ATTEMPTS} workers: {arguments!r}") from broken
 
     try:
         yield lambda *job: threads.submit(run, *job)
     finally:
         # what waits is dropped, and processes end whatever they do
+        closing.set()
         threads.shutdown(wait=False, cancel_futures=True)
         for number, process in started:
             with suppress(ProcessLookupError):

@@ -6,12 +6,14 @@ import pytest
 pytest.importorskip("stable_baselines3")
 import torch
 
-from agents import rollout
-from agents.rollout import RolloutArgs, Tries
+from agents import rollout, tries
+from agents.rollout import RolloutArgs
+from agents.tries import Exploration, Tries, TrySettings
 from sph_gym.controllers import AdaptiveRule, shipped
 from sph_gym.env.oracle import Step
 from sph_gym.env.rewards import WORST
 from sph_gym.env.tuning import TuningEnv
+from tests.networks import tiny
 
 INSTANCE = "patch_impact/train/0"
 HOW = {
@@ -44,7 +46,7 @@ def test_a_try_earns_what_the_environment_pays_and_leaves_no_trace():
     env.reset(options={"instance": INSTANCE})
     action = np.array([0.4, 0.0, -0.2], np.float32)
     before = env.episode.observe()
-    found = rollout.worth(env.episode, action, 3, 4)
+    found = tries.worth(env.episode, action, 3, 4)
     assert np.array_equal(env.episode.observe(), before)
     rewards = [env.step(action)[1] for _ in range(3)]
     assert found == pytest.approx(np.mean(rewards), rel=1e-6)
@@ -72,16 +74,17 @@ def test_a_blowup_costs_the_rest_of_the_try_and_some_steps_more(monkeypatch, n_s
         ended = episode.step == episode.fatal
         return Step(0.0 if ended else 0.5, 0.0, 1, over=ended, blowup=ended)
 
-    monkeypatch.setattr(rollout, "play", play_one)
+    monkeypatch.setattr(tries, "play", play_one)
     episode = Fragile(n_steps, fatal=3)
-    found = rollout.worth(episode, None, 8, 4)
+    found = tries.worth(episode, None, 8, 4)
     assert episode.step == 0
     assert found == pytest.approx((2 * 0.5 - WORST * (6 + lost)) / 8)
 
 
 def test_the_policys_own_action_is_tried_first_and_all_are_within_bounds():
     own = np.array([0.9, -0.9, 0.0], np.float32)
-    found = rollout.candidates(own, HOW | {"near": 40, "anywhere": 40}, np.random.default_rng(0))
+    settings = TrySettings(**HOW | {"near": 40, "anywhere": 40})
+    found = tries.candidates(own, settings, np.random.default_rng(0))
     assert found.shape == (81, 3)
     assert np.array_equal(found[0], own)
     assert np.abs(found).max() <= 1.0
@@ -91,12 +94,13 @@ def test_the_policys_own_action_is_tried_first_and_all_are_within_bounds():
 
 
 def test_an_episode_is_the_same_again_and_its_tries_are_of_states_that_it_visits():
-    found, again = (rollout.explore(None, INSTANCE, 3, "stable", HOW) for _ in range(2))
+    job = Exploration(None, None, INSTANCE, 3, "stable", TrySettings(**HOW))
+    found, again = (tries.explore(*job) for _ in range(2))
     assert found == again
-    tries = rollout.gather([found])
-    n = len(tries.observations)
-    assert tries.actions.shape == (n, 4, 3)
-    assert tries.values.shape == (n, 4)
+    gathered = tries.gather([found])
+    n = len(gathered.observations)
+    assert gathered.actions.shape == (n, 4, 3)
+    assert gathered.values.shape == (n, 4)
     env = TuningEnv("patch_impact", action_mode="stable")
     observation, _ = env.reset(options={"instance": INSTANCE})
     visited = [observation]
@@ -104,7 +108,7 @@ def test_an_episode_is_the_same_again_and_its_tries_are_of_states_that_it_visits
         observation, *_ = env.step(env.action_toward(AdaptiveRule()(env.sim)))
         visited.append(observation)
     # until it follows another action for the first time
-    assert min(np.abs(np.array(visited) - tries.observations[0]).max(axis=1)) < 1e-4
+    assert min(np.abs(np.array(visited) - gathered.observations[0]).max(axis=1)) < 1e-4
     assert 0.2 * env.n_steps < n < 0.8 * env.n_steps
 
 
@@ -113,32 +117,44 @@ def test_a_policy_plays_what_earns_most(at_once):
     seen = rng.uniform(-1, 1, (300, 23)).astype(np.float32)
     tried = rng.uniform(-1, 1, (300, 6, 3)).astype(np.float32)
     best = 0.5 * seen[:, None, :3]
-    tries = Tries(seen, tried, -np.square(tried - best).sum(axis=2))
+    known = Tries(seen, tried, -np.square(tried - best).sum(axis=2))
     args = RolloutArgs()
-    network = rollout.fit_policy(args, tries, [rollout.fit_value(args, tries, k) for k in (0, 1)])
+    network = rollout.fit_policy(args, known, [rollout.fit_value(args, known, k) for k in (0, 1)])
     found = np.array([network(row) for row in seen])
     assert np.abs(found - best[:, 0]).mean() < 0.5 * np.abs(best).mean()
 
 
 def test_doubt_keeps_a_policy_away_from_what_values_disagree_about(at_once, monkeypatch):
-    tries = Tries(np.zeros((20, 23), np.float32), *(np.zeros((20, 1)),) * 2)
+    known = Tries(np.zeros((20, 23), np.float32), *(np.zeros((20, 1)),) * 2)
     # both see more in larger actions, but one of them a loss
     values = [lambda inputs, k=k: k * inputs[:, 23:24] for k in (3.0, -2.0)]
     chosen = {}
     for doubt in (0.0, 1.0):
         monkeypatch.setitem(SETTINGS, "doubt", doubt)
-        network = rollout.fit_policy(RolloutArgs(), tries, values)
+        network = rollout.fit_policy(RolloutArgs(), known, values)
         chosen[doubt] = network(np.zeros(23, np.float32))[0]
-    assert chosen[0.0] > 0.5 > chosen[1.0]
+    assert chosen[0.0] > 0.5
+    # all that they agree on is to stay at zero
+    assert abs(chosen[1.0]) < 0.1
 
 
-def test_it_learns_in_rounds_and_tries_nothing_twice(tmp_path, at_once, shipped_here):
+def test_it_learns_in_rounds_and_tries_nothing_twice(tmp_path, at_once, shipped_here, monkeypatch):
     args = RolloutArgs(scene="patch_impact", rounds=2, episodes=1, n_evaluations=1, output=tmp_path)
+    fit_policy, learned = rollout.fit_policy, []
+
+    def fit(args, found, values):
+        learned.append(len(found.observations))
+        return fit_policy(args, found, values)
+
+    monkeypatch.setattr(rollout, "fit_policy", fit)
     rollout.train(args)
     assert not shipped_here.exists()
-    assert [job[1] for job in at_once] == ["patch_impact/train/0", "patch_impact/train/1"]
-    assert at_once[0][0] is None
-    assert at_once[1][0].endswith("round0.npz")
+    assert [job.instance for job in at_once] == ["patch_impact/train/0", "patch_impact/train/1"]
+    assert at_once[0].learner is None
+    assert at_once[1].learner.endswith("round0.npz")
+    # the second network learns from the tries of both rounds
+    assert len(learned) == 2
+    assert learned[1] > learned[0]
     content = (args.folder / "network.npz").read_bytes()
     at_once.clear()
     rollout.train(replace(args, ship=True))
@@ -148,9 +164,74 @@ def test_it_learns_in_rounds_and_tries_nothing_twice(tmp_path, at_once, shipped_
     assert (shipped_here / "rollout_patch_impact.npz").read_bytes() == content
 
 
+def test_other_settings_and_seeds_are_other_tries(tmp_path, at_once, monkeypatch):
+    monkeypatch.setattr(rollout, "explore", lambda *job: {})
+    args = RolloutArgs(scene="patch_impact", episodes=2, output=tmp_path)
+    rollout.visit(args, 0, None)
+    assert [job.instance for job in at_once] == ["patch_impact/train/0", "patch_impact/train/1"]
+    at_once.clear()
+    rollout.visit(args, 0, None)
+    assert not at_once
+    rollout.visit(replace(args, seed=1), 0, None)
+    assert [job.instance for job in at_once] == ["patch_impact/train/8", "patch_impact/train/9"]
+    at_once.clear()
+    monkeypatch.setitem(SETTINGS, "tries", HOW | {"hold": 4})
+    rollout.visit(replace(args), 0, None)
+    assert len(at_once) == 2
+
+
+def test_tries_are_not_kept_as_those_of_another_network(tmp_path):
+    path = tmp_path / "round0.npz"
+    tiny().save(path)
+    job = Exploration(str(path), "another", INSTANCE, 0, "stable", TrySettings(**HOW))
+    with pytest.raises(RuntimeError, match=r"round0.npz has changed: does another training"):
+        tries.explore(*job)
+
+
+def test_a_repeat_that_is_refused_leaves_the_network(tmp_path, at_once):
+    args = RolloutArgs(scene="patch_impact", output=tmp_path)
+    args.folder.mkdir()
+    (args.folder / "network.npz").write_bytes(b"kept")
+    with pytest.raises(ValueError, match="backend: expected one of"):
+        RolloutArgs(scene="patch_impact", output=tmp_path, backend="moon")
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rollout, "visit", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            rollout.train(args)
+    assert (args.folder / "network.npz").read_bytes() == b"kept"
+
+
+@pytest.mark.parametrize(
+    ("group", "entries", "text"),
+    [
+        ("tries", HOW | {"hold": 0}, "hold: expected a number at least 1, got 0"),
+        ("tries", HOW | {"near": 2.5}, "near: expected a whole number, got 2.5"),
+        ("tries", HOW | {"share": 0.0}, "share: expected a number above 0"),
+        ("tries", HOW | {"spread": [0.1, 0.2]}, "spread: "),
+        ("tries", {}, "hyperparams: expected share, hold, .* in tries of rollout.yml"),
+        ("tries", None, "hyperparams: expected share, hold"),
+        ("value", SETTINGS["value"] | {"n": 0}, "n: expected a number at least 1"),
+        ("policy", SETTINGS["policy"] | {"learning_rate": "3e-3"}, "learning_rate: expected a num"),
+        ("policy", SETTINGS["policy"] | {"dropout": 0.1}, "hyperparams: .* in policy"),
+        ("doubt", -1.0, "doubt: expected"),
+    ],
+    ids=str,
+)
+def test_wrong_entries_of_the_table_are_told_before_anything_is_played(
+    monkeypatch, group, entries, text
+):
+    monkeypatch.setattr(rollout, "hyperparameters", lambda *_: SETTINGS | {group: entries})
+    with pytest.raises(ValueError, match=text):
+        RolloutArgs()
+
+
 def test_an_episode_without_tries_is_told():
     with pytest.raises(ValueError, match="episodes: no state was tried"):
-        rollout.gather([{name: [] for name in Tries._fields}])
+        tries.gather([{name: [] for name in Tries._fields}])
 
 
 @pytest.mark.parametrize(
@@ -159,6 +240,9 @@ def test_an_episode_without_tries_is_told():
         ({"rounds": 0}, "rounds: expected"),
         ({"episodes": 0}, "episodes: expected"),
         ({"seed": 1.5}, "seed: expected"),
+        ({"seed": 10**17}, "seed: expected"),
+        ({"episodes": 257}, "episodes: expected"),
+        ({"workers": 0}, "workers: expected"),
         ({"scene": "nowhere"}, "nowhere"),
     ],
     ids=str,

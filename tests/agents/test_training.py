@@ -21,6 +21,7 @@ from agents.exports import checked_export, plain_network
 from agents.imitation import ImitationArgs, perceptron
 from agents.policies import Spec, build
 from agents.ppo_warm import WarmArgs
+from agents.rollout import RolloutArgs
 from sph_gym.controllers import shipped
 from sph_gym.controllers.network import shipped_network
 from sph_gym.controllers.shipped import fitting, load, names
@@ -283,9 +284,12 @@ def test_wrong_arguments_are_named_before_anything_is_played(wrong, message):
 def test_the_commands_of_cards_are_understood():
     for name in names():
         program, *words = load(name).card["command"].split("python -m agents.")[1].split()
-        args = parse({"ppo_warm": WarmArgs}.get(program, training.TrainingArgs), None, words)
-        found = training.Training(program, args, ppo.export)
-        assert found.action_mode == load(name).network.action.partition(" ")[0]
+        if program == "rollout":
+            mode = parse(RolloutArgs, None, words).settings.action_mode
+        else:
+            args = parse({"ppo_warm": WarmArgs}.get(program, training.TrainingArgs), None, words)
+            mode = training.Training(program, args, ppo.export).action_mode
+        assert mode == load(name).network.action.partition(" ")[0]
 
 
 def test_a_network_begins_with_a_card_and_has_figures_only_of_its_own(tmp_path, shipped_here):

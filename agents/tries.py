@@ -1,0 +1,150 @@
+"""Tries: what actions earn from the states of an episode, each held for some steps.
+
+All tries of a state begin in the same state, so no luck of the flow hides what an action does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.policies import play_network
+from sph_gym.controllers import AdaptiveRule, Network
+from sph_gym.env.episode import Episode
+from sph_gym.env.oracle import play
+from sph_gym.env.policies import follow
+from sph_gym.env.rewards import WORST
+from sph_gym.env.tuning import TuningEnv
+from sph_gym.provenance import content_hash
+from sph_gym.solver.checks import finite_array, in_range, positive, whole
+
+# Digits of what is kept.
+DIGITS = 5
+# Steps for which an action that was tried is followed; steps that must be left for a try.
+FOLLOWED, FEWEST = 3, 4
+
+
+class Tries(NamedTuple):
+    """Actions that were tried from n states, k from each, and what they earned.
+
+    observations: (n, entries); actions: (n, k, 3), the policy's own one first; values: (n, k) mean
+    reward a step.
+    """
+
+    observations: NDArray[np.float32]
+    actions: NDArray[np.float32]
+    values: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class TrySettings:
+    """How actions are tried; hyperparams/rollout.yml says what each entry means.
+
+    Raises ValueError for what is out of range.
+    """
+
+    share: float
+    hold: int
+    near: int
+    anywhere: int
+    spread: Sequence[float]
+    lowest: Sequence[float]
+    lost: int
+    follow: float
+
+    def __post_init__(self) -> None:
+        positive("share", in_range("share", self.share, 0.0, 1.0))
+        in_range("follow", self.follow, 0.0, 1.0)
+        for name in ("hold", "near"):
+            whole(name, getattr(self, name), at_least=1)
+        for name in ("anywhere", "lost"):
+            whole(name, getattr(self, name))
+        for value in finite_array("spread", self.spread, (3,)):
+            positive("spread", value)
+        for value in finite_array("lowest", self.lowest, (3,)):
+            in_range("lowest", value, -1.0, 1.0)
+
+
+class Exploration(NamedTuple):
+    """An episode in which actions are tried.
+
+    learner: file of the network that plays, None for the adaptive rule; weights: hash of the file;
+    instance: what is played; seed: of what is tried, and where; action_mode: of the environment.
+    """
+
+    learner: str | None
+    weights: str | None
+    instance: str
+    seed: int
+    action_mode: str
+    settings: TrySettings
+
+
+def explore(
+    learner: str | None,
+    weights: str | None,
+    instance: str,
+    seed: int,
+    action_mode: str,
+    settings: TrySettings,
+) -> dict[str, Any]:
+    """Play an `Exploration`; return `Tries` as rounded lists, as JSON has it.
+
+    Raises RuntimeError if the network is another one by now: the tries would be kept as its own.
+    """
+    if learner is not None and content_hash(Path(learner)) != weights:
+        raise RuntimeError(f"{learner} has changed: does another training write into its folder?")
+    rng = np.random.default_rng(seed)
+    env = TuningEnv(instance.split("/")[0], action_mode=action_mode)
+    observation, _ = env.reset(options={"instance": instance})
+    policy = follow(AdaptiveRule()) if learner is None else play_network(Network.load(learner))
+    found: dict[str, list[Any]] = {name: [] for name in Tries._fields}
+    followed: list[Any] = []
+    while not env.episode.over:
+        own = np.asarray(policy(env, observation), np.float32)
+        left = env.episode.n_steps - env.episode.step
+        if left >= FEWEST and rng.random() < settings.share:
+            actions = candidates(own, settings, rng)
+            values = [worth(env.episode, each, settings.hold, settings.lost) for each in actions]
+            for name, numbers in zip(Tries._fields, (observation, actions, values), strict=True):
+                found[name].append(np.round(np.asarray(numbers, float), DIGITS).tolist())
+            if rng.random() < settings.follow:
+                followed = [actions[1 + rng.integers(settings.near)]] * FOLLOWED
+        observation, *_ = env.step(followed.pop() if followed else own)
+    return found
+
+
+def candidates(own: Any, settings: TrySettings, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return the actions to try: the policy's own one, those around it, and any."""
+    near = own + np.array(settings.spread) * rng.normal(size=(settings.near, 3))
+    anywhere = rng.uniform(settings.lowest, 1.0, (settings.anywhere, 3))
+    return np.clip([own, *near, *anywhere], -1.0, 1.0).astype(np.float32)
+
+
+def worth(episode: Episode, action: Any, hold: int, lost: int) -> float:
+    """Return the mean reward a step of an action that is held; the episode stays where it is.
+
+    A blow-up earns the worst reward in all steps that the try should have had, and in up to `lost`
+    more.
+    """
+    start, left, earned = episode.state(), episode.n_steps - episode.step, 0.0
+    planned = min(hold, left)
+    for number in range(planned):
+        step = play(episode, action)
+        if step.blowup:
+            earned -= WORST * (planned - number + min(lost, left - planned))
+            break
+        earned += step.reward
+    episode.restore(start)
+    return earned / planned
+
+
+def gather(episodes: Sequence[dict[str, Any]]) -> Tries:
+    """Return what was tried in all episodes. Raises ValueError if nothing was."""
+    columns = [[row for each in episodes for row in each[name]] for name in Tries._fields]
+    if not columns[0]:
+        raise ValueError("episodes: no state was tried, there have to be more of them")
+    return Tries._make(np.array(column, np.float32) for column in columns)

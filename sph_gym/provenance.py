@@ -32,22 +32,17 @@ def content_hash(*facts: Any) -> str:
 def source_hash(*places: str) -> str:
     """Return a hash of sources and data of this package below `places`.
 
-    places: folders or files relative to the package, as "solver" or "studies/soak.py". Cards of
-    networks don't count: they tell results, and decide none. Raises ValueError if a place does not
-    exist.
+    places: folders or files relative to the package, as "solver" or "studies/soak.py". Networks
+    don't count: a result says by itself which one it is of, and the next one changes no other's.
+    Raises ValueError if a place does not exist.
     """
-    facts: list[Any] = []
+    facts, networks = list[Any](), PACKAGE / "controllers" / "networks"
     for place in places:
         path = PACKAGE / place
         if not path.exists():
             raise ValueError(f"places: expected files or folders of {PACKAGE}, got {place!r}")
         files = [path] if path.is_file() else sorted(path.rglob("*"))
         for file in files:
-            if file.suffix in SUFFIXES and file.is_file() and not _is_card(file):
+            if file.suffix in SUFFIXES and file.is_file() and file.parent != networks:
                 facts += [file.relative_to(PACKAGE).as_posix(), file]
     return content_hash(*facts)
-
-
-def _is_card(file: Path) -> bool:
-    named = file.suffix == ".json" and file.with_suffix(".npz").exists()
-    return named and file.parent == PACKAGE / "controllers" / "networks"

@@ -493,7 +493,7 @@ def test_the_cards_of_shipped_networks_agree_with_the_files():
         assert json.loads(path.read_text()) == card, "python -m agents.leaderboard --page"
 
 
-def test_a_card_is_no_source_of_results(tmp_path, monkeypatch):
+def test_a_network_and_its_card_are_no_source_of_other_results(tmp_path, monkeypatch):
     networks = tmp_path / "controllers" / "networks"
     networks.mkdir(parents=True)
     (networks / "ppo.npz").write_bytes(b"numbers")
@@ -504,6 +504,7 @@ def test_a_card_is_no_source_of_results(tmp_path, monkeypatch):
         changed.write_text(str(len(found)))
         found.append(provenance.source_hash.__wrapped__("controllers"))
     card.write_text("other figures")
+    (networks / "ppo.npz").write_bytes(b"other numbers")
     assert provenance.source_hash.__wrapped__("controllers") == found[-1]
     assert len(set(found)) == 3
 

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch.nn.functional import smooth_l1_loss
 
-from agents import lessons
+from agents import lessons, policies
 from agents.arguments import SCENE_HELP, BackendArgs, launch, option
 from agents.exports import plain_network
 from agents.lessons import TEACHERS, Lesson
@@ -93,17 +93,16 @@ def train(args: ImitationArgs) -> None:
 def attend(args: ImitationArgs, number: int, learner: Path | None) -> list[dict[str, Any]]:
     """Return the lessons of a round; those that are kept are not played again."""
     count, mode = args.lessons, args.settings["action_mode"]
-    path = None if learner is None else str(learner)
+    path, weights = (None, None) if learner is None else (str(learner), content_hash(learner))
     # every round has other instances, until all have been played
     first = (args.seed * args.rounds + number) * count
     jobs = [
-        Lesson(args.teacher, path, instance, args.seed + k, mode)
+        Lesson(args.teacher, path, weights, instance, args.seed + k, mode)
         for k, instance in training_ids(args.scene, first, count)
     ]
+    code = content_hash(Path(lessons.__file__), Path(policies.__file__))
     # a network counts by its content
-    weights = None if learner is None else content_hash(learner)
-    code = content_hash(Path(lessons.__file__))
-    keys = [[*job._replace(learner=weights), code] for job in jobs]
+    keys = [[job.teacher, *job[2:], code] for job in jobs]
     store = Results(args.output / "lessons")
     return run_jobs(lessons.take, jobs, keys, store, f"lessons, round {number}", args.where())
 

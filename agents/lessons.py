@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agents.policies import play_network
-from sph_gym.controllers import AdaptiveRule, Network, TunedCfl
+from agents.policies import load_unchanged, play_network
+from sph_gym.controllers import AdaptiveRule, TunedCfl
 from sph_gym.env.oracle import COARSE, FULL, Oracle
 from sph_gym.env.policies import Policy, follow
 from sph_gym.env.tuning import TuningEnv
@@ -39,28 +39,35 @@ class Lesson(NamedTuple):
     """An episode with a teacher.
 
     teacher: one of TEACHERS; learner: file of a network, None for an episode of the teacher's own;
-    instance: what is played; seed: of the state at which a dear teacher takes over;
-    action_mode: of the environment.
+    weights: hash of the file; instance: what is played; seed: of the state at which a dear teacher
+    takes over; action_mode: of the environment.
     """
 
     teacher: str
     learner: str | None
+    weights: str | None
     instance: str
     seed: int
     action_mode: str
 
 
 def take(
-    teacher: str, learner: str | None, instance: str, seed: int, action_mode: str
+    teacher: str,
+    learner: str | None,
+    weights: str | None,
+    instance: str,
+    seed: int,
+    action_mode: str,
 ) -> dict[str, Any]:
     """Play a lesson; return observations, and the actions that the teacher answers with.
 
-    Both are lists of lists, rounded, as JSON has them.
+    Both are lists of lists, rounded, as JSON has them. Raises RuntimeError if the learner's network
+    is another one by now.
     """
     guide, dear = TEACHERS[teacher].make(), TEACHERS[teacher].dear
     env = TuningEnv(instance.split("/")[0], action_mode=action_mode)
     observation, _ = env.reset(options={"instance": instance})
-    pupil = None if learner is None else play_network(Network.load(learner))
+    pupil = None if learner is None else play_network(load_unchanged(learner, weights))
     if pupil is not None and dear:
         observation, pupil = visit(env, pupil, observation, seed), None
     seen, answers = list[Any](), list[Any]()

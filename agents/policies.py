@@ -22,6 +22,7 @@ from sph_gym.env import actions
 from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.oracle import SHORT, Oracle
 from sph_gym.env.policies import Policy, draw_at_random, follow
+from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import known
 
 
@@ -46,6 +47,16 @@ class Spec(NamedTuple):
     settings: tuple[float, float, float] | None = None
     network: str | None = None
     table: str | None = None
+
+
+def load_unchanged(path: str, weights: str | None) -> Network:
+    """Return a network. Raises RuntimeError if its file has another content than the hash tells.
+
+    What it plays would be kept as what the former network has played.
+    """
+    if content_hash(Path(path)) != weights:
+        raise RuntimeError(f"{path} has changed: does another training write into its folder?")
+    return Network.load(path)
 
 
 def play_network(network: Network) -> Policy:

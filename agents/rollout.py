@@ -167,7 +167,7 @@ def visit(args: RolloutArgs, number: int, learner: Path | None) -> list[dict[str
         )
         for k, instance in training_ids(args.scene, first, count)
     ]
-    code = content_hash(*(Path(str(module.__file__)) for module in (tries, policies)))
+    code = content_hash(Path(tries.__file__), Path(policies.__file__))
     # a network counts by its content
     keys = [[*job[1:-1], asdict(job.settings), code] for job in jobs]
     store = Results(args.output / "rollouts")

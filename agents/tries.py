@@ -5,20 +5,18 @@ All tries of a state begin in the same state, so no luck of the flow hides what 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.policies import play_network
-from sph_gym.controllers import AdaptiveRule, Network
+from agents.policies import load_unchanged, play_network
+from sph_gym.controllers import AdaptiveRule
 from sph_gym.env.episode import Episode
 from sph_gym.env.oracle import play
 from sph_gym.env.policies import follow
 from sph_gym.env.rewards import WORST
 from sph_gym.env.tuning import TuningEnv
-from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import finite_array, in_range, positive, whole
 
 # Digits of what is kept.
@@ -93,14 +91,16 @@ def explore(
 ) -> dict[str, Any]:
     """Play an `Exploration`; return `Tries` as rounded lists, as JSON has it.
 
-    Raises RuntimeError if the network is another one by now: the tries would be kept as its own.
+    Raises RuntimeError if the network is another one by now.
     """
-    if learner is not None and content_hash(Path(learner)) != weights:
-        raise RuntimeError(f"{learner} has changed: does another training write into its folder?")
     rng = np.random.default_rng(seed)
     env = TuningEnv(instance.split("/")[0], action_mode=action_mode)
     observation, _ = env.reset(options={"instance": instance})
-    policy = follow(AdaptiveRule()) if learner is None else play_network(Network.load(learner))
+    policy = (
+        follow(AdaptiveRule())
+        if learner is None
+        else play_network(load_unchanged(learner, weights))
+    )
     found: dict[str, list[Any]] = {name: [] for name in Tries._fields}
     followed: list[Any] = []
     while not env.episode.over:

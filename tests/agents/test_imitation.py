@@ -10,6 +10,7 @@ from agents.imitation import ImitationArgs
 from agents.policies import Spec, build
 from sph_gym.controllers import TunedCfl
 from sph_gym.env.tuning import TuningEnv
+from sph_gym.provenance import content_hash
 
 INSTANCE, LONGER = "patch_impact/train/0", "drop_impact/val/2/dx=0.08"
 
@@ -28,7 +29,7 @@ def at_once(monkeypatch, jobs_here):
 
 
 def test_a_rule_answers_for_every_state_that_it_visits():
-    lesson = lessons.take("tuned_cfl", None, INSTANCE, 0, "absolute")
+    lesson = lessons.take("tuned_cfl", None, None, INSTANCE, 0, "absolute")
     env = TuningEnv("patch_impact")
     observation, _ = env.reset(options={"instance": INSTANCE})
     for seen, answer in zip(lesson["observations"], lesson["actions"], strict=True):
@@ -49,7 +50,7 @@ def test_a_dear_teacher_takes_over_and_answers_from_there_on(tmp_path, monkeypat
 
     teacher = lessons.Teacher(Planner, dear=True)
     monkeypatch.setitem(lessons.TEACHERS, "planner", teacher)
-    alone = lessons.take("planner", None, LONGER, 0, "absolute")
+    alone = lessons.take("planner", None, None, LONGER, 0, "absolute")
     n_steps = len(alone["actions"])
     assert asked == list(range(n_steps))
     assert n_steps > 20
@@ -62,7 +63,7 @@ def test_a_dear_teacher_takes_over_and_answers_from_there_on(tmp_path, monkeypat
     firsts = set()
     for seed in range(3):
         asked.clear()
-        lesson = lessons.take("planner", str(path), LONGER, seed, "absolute")
+        lesson = lessons.take("planner", str(path), content_hash(path), LONGER, seed, "absolute")
         assert asked == list(range(asked[0], n_steps))
         assert len(lesson["observations"]) == len(lesson["actions"]) == len(asked)
         firsts.add(asked[0])

@@ -77,7 +77,7 @@ class RolloutArgs(BackendArgs):
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How networks are fitted; n: how many of them. Raises ValueError for what is out of range."""
+    """Fit of n networks. Raises ValueError for what is out of range."""
 
     net_arch: Sequence[int]
     gradient_steps: int

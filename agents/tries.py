@@ -39,7 +39,7 @@ class Tries(NamedTuple):
 
 @dataclass(frozen=True)
 class TrySettings:
-    """How actions are tried; hyperparams/rollout.yml says what each entry means.
+    """Entries "tries" of hyperparams/rollout.yml, which says what each means.
 
     Raises ValueError for what is out of range.
     """

@@ -159,13 +159,13 @@ def visit(args: RolloutArgs, number: int, learner: Path | None) -> list[dict[str
     """
     count = args.episodes
     path, weights = (None, None) if learner is None else (str(learner), content_hash(learner))
-    # every round has other instances, until all have been played
-    first = (args.seed * args.rounds + number) * count
+    # every round has other instances, until all have been played; the next seed begins elsewhere
+    first = args.seed * SIZES["train"] // 4 + number * count
     jobs = [
         Exploration(
-            path, weights, instance, args.seed + k, args.settings.action_mode, args.settings.tries
+            path, weights, instance, args.seed, args.settings.action_mode, args.settings.tries
         )
-        for k, instance in training_ids(args.scene, first, count)
+        for _, instance in training_ids(args.scene, first, count)
     ]
     code = content_hash(Path(tries.__file__), Path(policies.__file__))
     # a network counts by its content

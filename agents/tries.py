@@ -93,7 +93,8 @@ def explore(
 
     Raises RuntimeError if the network is another one by now.
     """
-    rng = np.random.default_rng(seed)
+    # every flow has its own chances
+    rng = np.random.default_rng([seed, *instance.encode()])
     env = TuningEnv(instance.split("/")[0], action_mode=action_mode)
     observation, _ = env.reset(options={"instance": instance})
     policy = (

@@ -104,7 +104,8 @@ def attend(args: ImitationArgs, number: int, learner: Path | None) -> list[dict[
     # a network counts by its content
     keys = [[job.teacher, *job[2:], code] for job in jobs]
     store = Results(args.output / "lessons")
-    return run_jobs(lessons.take, jobs, keys, store, f"lessons, round {number}", args.where())
+    title, each = f"lessons, round {number}", [(job,) for job in jobs]
+    return run_jobs(lessons.take, each, keys, store, title, args.where())
 
 
 def fit(args: ImitationArgs, observations: Any, actions: Any) -> Network:

@@ -11,9 +11,6 @@ from sph_gym.env.oracle import COARSE, FULL, Oracle
 from sph_gym.env.policies import Policy, follow
 from sph_gym.env.tuning import TuningEnv
 
-# Digits of observations and actions that are kept.
-DIGITS = 5
-
 
 class Teacher(NamedTuple):
     """A policy that answers for the states that a learner visits.
@@ -51,30 +48,24 @@ class Lesson(NamedTuple):
     action_mode: str
 
 
-def take(
-    teacher: str,
-    learner: str | None,
-    weights: str | None,
-    instance: str,
-    seed: int,
-    action_mode: str,
-) -> dict[str, Any]:
+def take(lesson: Lesson) -> dict[str, Any]:
     """Play a lesson; return observations, and the actions that the teacher answers with.
 
-    Both are lists of lists, rounded, as JSON has them. Raises RuntimeError if the learner's network
-    is another one by now.
+    Both are lists of lists. Raises RuntimeError if the learner's network is another one by now.
     """
-    guide, dear = TEACHERS[teacher].make(), TEACHERS[teacher].dear
-    env = TuningEnv(instance.split("/")[0], action_mode=action_mode)
-    observation, _ = env.reset(options={"instance": instance})
-    pupil = None if learner is None else play_network(load_unchanged(learner, weights))
+    guide, dear = TEACHERS[lesson.teacher].make(), TEACHERS[lesson.teacher].dear
+    env = TuningEnv(lesson.instance.split("/")[0], action_mode=lesson.action_mode)
+    observation, _ = env.reset(options={"instance": lesson.instance})
+    pupil = None
+    if lesson.learner is not None:
+        pupil = play_network(load_unchanged(lesson.learner, lesson.weights))
     if pupil is not None and dear:
-        observation, pupil = visit(env, pupil, observation, seed), None
+        observation, pupil = visit(env, pupil, observation, lesson.seed), None
     seen, answers = list[Any](), list[Any]()
     while not env.episode.over:
         answer = guide(env, observation)
         for kept, numbers in ((seen, observation), (answers, answer)):
-            kept.append(np.round(np.asarray(numbers, float), DIGITS).tolist())
+            kept.append(rounded(numbers))
         observation, *_ = env.step(answer if pupil is None else pupil(env, observation))
     return {"observations": seen, "actions": answers}
 
@@ -94,3 +85,9 @@ def visit(env: TuningEnv, pupil: Policy, observation: Any, seed: int) -> Any:
         observation, *_ = env.step(pupil(env, observation))
     episode.restore(kept)
     return episode.observe()
+
+
+def rounded(numbers: Any) -> list[Any]:
+    """Return numbers as lists, with the five digits behind the point that are kept."""
+    lists: list[Any] = np.round(np.asarray(numbers, float), 5).tolist()
+    return lists

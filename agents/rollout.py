@@ -171,7 +171,8 @@ def visit(args: RolloutArgs, number: int, learner: Path | None) -> list[dict[str
     # a network counts by its content
     keys = [[*job[1:-1], asdict(job.settings), code] for job in jobs]
     store = Results(args.output / "rollouts")
-    return run_jobs(explore, jobs, keys, store, f"tries, round {number}", args.where())
+    title, each = f"tries, round {number}", [(job,) for job in jobs]
+    return run_jobs(explore, each, keys, store, title, args.where())
 
 
 def fit_value(args: RolloutArgs, found: Tries, number: int) -> torch.nn.Module:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.lessons import rounded
 from agents.policies import load_unchanged, play_network
 from sph_gym.controllers import AdaptiveRule
 from sph_gym.env.episode import Episode
@@ -19,8 +20,6 @@ from sph_gym.env.rewards import WORST
 from sph_gym.env.tuning import TuningEnv
 from sph_gym.solver.checks import finite_array, in_range, positive, whole
 
-# Digits of what is kept.
-DIGITS = 5
 # Steps for which an action that was tried is followed; steps that must be left for a try.
 FOLLOWED, FEWEST = 3, 4
 
@@ -81,26 +80,19 @@ class Exploration(NamedTuple):
     settings: TrySettings
 
 
-def explore(
-    learner: str | None,
-    weights: str | None,
-    instance: str,
-    seed: int,
-    action_mode: str,
-    settings: TrySettings,
-) -> dict[str, Any]:
+def explore(job: Exploration) -> dict[str, Any]:
     """Play an `Exploration`; return `Tries` as rounded lists, as JSON has it.
 
     Raises RuntimeError if the network is another one by now.
     """
     # every flow has its own chances
-    rng = np.random.default_rng([seed, *instance.encode()])
-    env = TuningEnv(instance.split("/")[0], action_mode=action_mode)
-    observation, _ = env.reset(options={"instance": instance})
+    rng, settings = np.random.default_rng([job.seed, *job.instance.encode()]), job.settings
+    env = TuningEnv(job.instance.split("/")[0], action_mode=job.action_mode)
+    observation, _ = env.reset(options={"instance": job.instance})
     policy = (
         follow(AdaptiveRule())
-        if learner is None
-        else play_network(load_unchanged(learner, weights))
+        if job.learner is None
+        else play_network(load_unchanged(job.learner, job.weights))
     )
     found: dict[str, list[Any]] = {name: [] for name in Tries._fields}
     followed: list[Any] = []
@@ -111,7 +103,7 @@ def explore(
             actions = candidates(own, settings, rng)
             values = [worth(env.episode, each, settings.hold, settings.lost) for each in actions]
             for name, numbers in zip(Tries._fields, (observation, actions, values), strict=True):
-                found[name].append(np.round(np.asarray(numbers, float), DIGITS).tolist())
+                found[name].append(rounded(numbers))
             if rng.random() < settings.follow:
                 followed = [actions[1 + rng.integers(settings.near)]] * FOLLOWED
         observation, *_ = env.step(followed.pop() if followed else own)

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import optuna
-import torch
 import yaml
 from optuna.distributions import (
     BaseDistribution,
@@ -182,7 +181,6 @@ def count(study: optuna.Study) -> int:
 
 def train_once(args: TuneArgs) -> list[Any]:
     """Open the study and add one training to it; return its number and best validation."""
-    torch.set_num_threads(1)
     return list(train_with(args, open_study(args)))
 
 

@@ -5,7 +5,7 @@ import pytest
 
 @pytest.fixture
 def jobs_here():
-    """A `run_jobs` without processes, and the list of the jobs that it has run."""
+    """A `run_jobs` without processes, and the list of what the jobs that it has run were given."""
     run = []
 
     def run_jobs(function, jobs, keys, results, title, backend):
@@ -13,7 +13,7 @@ def jobs_here():
         for job, key in zip(jobs, keys, strict=True):
             kept = results.load(key)
             if kept is None:
-                run.append(job)
+                run.extend(job)
                 kept = results.save(key, function(*job))
             done.append(kept)
         return done

@@ -7,6 +7,7 @@ import torch
 
 from agents import imitation, lessons
 from agents.imitation import ImitationArgs
+from agents.lessons import Lesson
 from agents.policies import Spec, build
 from sph_gym.controllers import TunedCfl
 from sph_gym.env.tuning import TuningEnv
@@ -29,7 +30,7 @@ def at_once(monkeypatch, jobs_here):
 
 
 def test_a_rule_answers_for_every_state_that_it_visits():
-    lesson = lessons.take("tuned_cfl", None, None, INSTANCE, 0, "absolute")
+    lesson = lessons.take(Lesson("tuned_cfl", None, None, INSTANCE, 0, "absolute"))
     env = TuningEnv("patch_impact")
     observation, _ = env.reset(options={"instance": INSTANCE})
     for seen, answer in zip(lesson["observations"], lesson["actions"], strict=True):
@@ -50,7 +51,7 @@ def test_a_dear_teacher_takes_over_and_answers_from_there_on(tmp_path, monkeypat
 
     teacher = lessons.Teacher(Planner, dear=True)
     monkeypatch.setitem(lessons.TEACHERS, "planner", teacher)
-    alone = lessons.take("planner", None, None, LONGER, 0, "absolute")
+    alone = lessons.take(Lesson("planner", None, None, LONGER, 0, "absolute"))
     n_steps = len(alone["actions"])
     assert asked == list(range(n_steps))
     assert n_steps > 20
@@ -63,7 +64,8 @@ def test_a_dear_teacher_takes_over_and_answers_from_there_on(tmp_path, monkeypat
     firsts = set()
     for seed in range(3):
         asked.clear()
-        lesson = lessons.take("planner", str(path), content_hash(path), LONGER, seed, "absolute")
+        job = Lesson("planner", str(path), content_hash(path), LONGER, seed, "absolute")
+        lesson = lessons.take(job)
         assert asked == list(range(asked[0], n_steps))
         assert len(lesson["observations"]) == len(lesson["actions"]) == len(asked)
         firsts.add(asked[0])

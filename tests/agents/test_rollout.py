@@ -95,7 +95,7 @@ def test_the_policys_own_action_is_tried_first_and_all_are_within_bounds():
 
 def test_an_episode_is_the_same_again_and_its_tries_are_of_states_that_it_visits():
     job = Exploration(None, None, INSTANCE, 3, "stable", TrySettings(**HOW))
-    found, again = (tries.explore(*job) for _ in range(2))
+    found, again = (tries.explore(job) for _ in range(2))
     assert found == again
     gathered = tries.gather([found])
     n = len(gathered.observations)
@@ -172,12 +172,22 @@ def test_other_settings_and_seeds_are_other_tries(tmp_path, at_once, monkeypatch
     at_once.clear()
     rollout.visit(args, 0, None)
     assert not at_once
-    rollout.visit(replace(args, seed=1), 0, None)
-    assert [job.instance for job in at_once] == ["patch_impact/train/8", "patch_impact/train/9"]
+    # a quarter of the training flows further on, however many rounds there are
+    rollout.visit(replace(args, seed=1, rounds=9), 0, None)
+    assert [job.instance for job in at_once] == ["patch_impact/train/64", "patch_impact/train/65"]
     at_once.clear()
     monkeypatch.setitem(SETTINGS, "tries", HOW | {"hold": 4})
     rollout.visit(replace(args), 0, None)
     assert len(at_once) == 2
+
+
+def test_every_flow_has_its_own_chances():
+    how = TrySettings(**HOW | {"anywhere": 6})
+    drawn = []
+    for k in range(2):
+        job = Exploration(None, None, f"patch_impact/train/{k}", 3, "stable", how)
+        drawn.append(np.array(tries.explore(job)["actions"])[0, -6:])
+    assert not np.array_equal(*drawn)
 
 
 def test_tries_are_not_kept_as_those_of_another_network(tmp_path):
@@ -185,7 +195,7 @@ def test_tries_are_not_kept_as_those_of_another_network(tmp_path):
     tiny().save(path)
     job = Exploration(str(path), "another", INSTANCE, 0, "stable", TrySettings(**HOW))
     with pytest.raises(RuntimeError, match=r"round0.npz has changed: does another training"):
-        tries.explore(*job)
+        tries.explore(job)
 
 
 def test_a_repeat_that_is_refused_leaves_the_network(tmp_path, at_once):

@@ -61,7 +61,7 @@ def test_trainings_side_by_side_are_as_many_as_the_study_lacks(
     tune.tune(TuneArgs(trials=2, output=tmp_path))
     args = TuneArgs(trials=5, workers=2, seed=7, output=tmp_path)
     study = tune.tune(args)
-    assert [job.seed for (job,) in jobs] == [7, 8, 9]
+    assert [job.seed for job in jobs] == [7, 8, 9]
     assert len(trainings) == len(study.trials) == 5
     assert len({each.args.seed for each in trainings}) == 5
     assert len({each.settings["learning_rate"] for each in trainings}) == 5

@@ -16,8 +16,7 @@ from agents.arguments import BackendArgs, launch, option
 from agents.entries import GAMES, Agent, LeaderboardEntry
 from agents.evaluate import Job, instance_ids, run_episodes
 from agents.policies import NAMES, build
-from sph_gym.env.distributions import FAMILIES
-from sph_gym.env.instances import SIZES, SPACING
+from sph_gym.env.instances import FINER, SIZES
 from sph_gym.env.instances import parse as parse_instance
 from sph_gym.files import atomic_write
 from sph_gym.solver import target
@@ -48,7 +47,7 @@ class LeaderboardArgs(BackendArgs):
     families: tuple[str, ...] = option("families that are played", GAMES)
     splits: tuple[str, ...] = option("sets that are played: val, test, ood", ("test",))
     n_instances: int | None = option("of each family and set; by default all", None)
-    finer: tuple[int, ...] = option("play at dx divided by each of these, instead of dx", ())
+    finer: tuple[int, ...] = option("play the same flows with dx divided by each of these", ())
     verify: int = option(
         "if sources have changed, replay so many runs a family and keep the rest if they agree", 0
     )
@@ -95,16 +94,13 @@ def ids_of(args: LeaderboardArgs) -> list[str]:
         for id_ in instance_ids(family, known("splits", split, SIZES), _number(args, split))
     ]
     if args.finer:
-        found = [_finer(id_, whole("finer", n, at_least=2)) for n in args.finer for id_ in found]
+        factors = [whole("finer", factor, at_least=2) for factor in args.finer]
+        found = [f"{id_}/{FINER}{factor}" for factor in factors for id_ in found]
     return sorted(dict.fromkeys(found), key=lambda id_: parse_instance(id_).number)
 
 
 def _number(args: LeaderboardArgs, split: str) -> int:
     return SIZES[split] if args.n_instances is None else min(args.n_instances, SIZES[split])
-
-
-def _finer(id_: str, factor: int) -> str:
-    return f"{id_}/{SPACING}{FAMILIES[id_.split('/')[0]].dx / factor!r}"
 
 
 def play(args: LeaderboardArgs) -> list[Path]:

@@ -47,7 +47,7 @@ def runs_of(entries: Sequence[LeaderboardEntry]) -> pd.DataFrame:
     found = runs["instance"].map(ids)
     runs["family"] = [each.scene for each in found]
     runs["split"] = [each.split for each in found]
-    runs["finer"] = runs["instance"].str.contains(instances.SPACING)
+    runs["finer"] = runs["instance"].str.contains(instances.FINER)
     runs["shift"] = [instances.shift(id_) for id_ in runs["instance"]]
     runs["gain"] = runs["return"] - runs["instance"].map(returns_of(runs, RULE))
     gap = returns_of(runs, ORACLE) - returns_of(runs, RULE)

@@ -16,8 +16,7 @@ from agents.arguments import launch, option
 from agents.entries import GAMES, LeaderboardEntry
 from agents.scores import RULE, Values
 from agents.styles import style_of
-from sph_gym.env.distributions import FAMILIES
-from sph_gym.env.instances import ODD, SPACING
+from sph_gym.env.instances import FINER, ODD
 
 # A gain on the usual flows below this is none that could be kept.
 LEAST = 0.01
@@ -52,8 +51,8 @@ def by_spacing(runs: pd.DataFrame) -> pd.DataFrame:
     The share compares what the same trainings gain on the same flows.
     """
     test = runs[runs["split"] == USUAL].copy()
-    test["flow"] = test["instance"].str.split(f"/{SPACING}").str[0]
-    test["factor"] = [_factor(id_) for id_ in test["instance"]]
+    test[["flow", "_", "factor"]] = [id_.partition(f"/{FINER}") for id_ in test["instance"]]
+    test["factor"] = test["factor"].replace("", "1").astype(int)
     rows = []
     for agent, own in _others(test):
         row = {"agent": style_of(agent).label}
@@ -105,12 +104,6 @@ def _gains(runs: pd.DataFrame) -> list[Values]:
 def _others(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """Return the runs of every agent but the rule."""
     return [(str(agent), own) for agent, own in runs.groupby("agent") if agent != RULE]
-
-
-def _factor(id_: str) -> int:
-    """Return by how much the spacing of an instance is finer than the usual one."""
-    flow, _, dx = id_.partition(f"/{SPACING}")
-    return round(FAMILIES[flow.split("/")[0]].dx / float(dx)) if dx else 1
 
 
 def tables(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> dict[str, pd.DataFrame]:

@@ -191,12 +191,16 @@ class Stable(Absolute):
         """Return the coordinates that the action asks for, within the limit of the sound speed.
 
         The multiple dt c / h can't be below its range. So where friction asks for less, c rises as
-        far as m needs, for m below twice the end of the range as far as that would need.
+        far as m needs, for m below twice the end of the range as far as that would need. Where the
+        limit holds c back, the step is longer than m asks for, until c has risen.
         """
-        multiple, sound, xsph = _numbers(limit(_box_action(action), present, rate_limit))
+        multiple, sound, xsph = _numbers(_box_action(action))
         friction, lowest = _friction(scene), COURANT[0]
         softest = friction * lowest / (max(multiple, 2 * lowest) - lowest)
         sound = min(max(sound, softest), SOUND[1])
+        if rate_limit is not None:
+            within = limit(locate(lowest, sound, xsph), present, rate_limit)
+            _, sound, _ = _numbers(within)
         return locate(max(multiple / (1 + friction / sound), lowest), sound, xsph)
 
     def toward(self, wanted: Coordinates, present: Coordinates, scene: Scene) -> Any:

@@ -1,8 +1,8 @@
 """Instances: the flows that episodes show, in finite numbered sets that manifests list.
 
 An id such as "dam_break/train/17" names environment, set and number; manifests say what it means.
-At another spacing than the usual one it is "dam_break/train/17/dx=0.05", and the number alone
-decides the draw.
+Lengths are drawn in multiples of the spacing: "dam_break/train/17/dx=0.05" is a larger flow, of about
+as many particles. "dam_break/train/17/finer=2" is the same flow with half the usual spacing.
 """
 
 import re
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from sph_gym import scenes
 from sph_gym.env import manifest
 from sph_gym.env.distributions import FAMILIES, SHIFTS, Drawn, draw
-from sph_gym.solver.checks import known, positive
+from sph_gym.solver.checks import known, positive, whole
 from sph_gym.solver.scene import Scene
 
 SIZES = {"nominal": 1, "train": 256, "val": 16, "test": 32, "ood": 16}
@@ -45,8 +45,8 @@ DIAGNOSTIC = {name: family.diagnostic for name, family in FAMILIES.items() if fa
 
 # One flow, one spelling: int() would take "007" and the digits of all scripts.
 NUMBER = re.compile("0|[1-9][0-9]{0,8}")
-# Prefix of the spacing in an id.
-SPACING = "dx="
+# What may stand at the end of an id: another spacing, in m, or the factor by which a flow is finer.
+SPACING, FINER = "dx=", "finer="
 # Name of the set in the id of a user's own scene.
 CUSTOM = "custom"
 
@@ -92,11 +92,14 @@ def label(scene: str) -> str:
     return FAMILIES[scene].kind
 
 
-def instance(scene: str, split: str, number: int, dx: float | None = None) -> Instance:
+def instance(
+    scene: str, split: str, number: int, dx: float | None = None, finer: int = 1
+) -> Instance:
     """Return instance `number` of a set: "nominal" is the scene as it is, the others are drawn.
 
-    dx: particle spacing [m], by default the coarse one of the environments.
-    Raises ValueError for names that don't exist and numbers outside the set.
+    dx: particle spacing [m], by default the usual one of the environment, with which all drawn
+    lengths grow; finer: factor by which the usual spacing of the same flow is divided.
+    Raises ValueError for names that don't exist, numbers outside the set, and dx beside finer.
     """
     known("scene", scene, FAMILIES)
     size = SIZES[known("instances", split, SIZES)]
@@ -105,10 +108,16 @@ def instance(scene: str, split: str, number: int, dx: float | None = None) -> In
             f"instance: expected a number from 0 to {size - 1} in {split!r}, got {number!r}"
         )
     id_, usual = f"{scene}/{split}/{number}", FAMILIES[scene].dx
+    if whole("finer", finer, at_least=1) > 1 and dx is not None:
+        raise ValueError(f"finer: expected 1 beside dx, got {finer}")
     if dx is not None and dx != usual:
         return Instance(f"{id_}/{SPACING}{dx!r}", draw(scene, split, number, dx))
     entry = manifest.entry(id_)
-    return Instance(id_, draw(scene, split, number, usual) if entry is None else entry.drawn)
+    drawn = draw(scene, split, number, usual) if entry is None else entry.drawn
+    if finer == 1:
+        return Instance(id_, drawn)
+    arguments = drawn.arguments | {"dx": drawn.arguments["dx"] / finer}
+    return Instance(f"{id_}/{FINER}{finer}", drawn._replace(arguments=arguments))
 
 
 def shift(id_: str) -> str:
@@ -122,20 +131,28 @@ def shift(id_: str) -> str:
 
 def parse(id_: str) -> Instance:
     """Return the instance of an id. Raises ValueError if there is none."""
-    scene, split, number, spacing, *more = [*str(id_).split("/"), "", "", ""]
-    if not NUMBER.fullmatch(number) or any(more) or not (spacing or SPACING).startswith(SPACING):
+    scene, split, number, end, *more = [*str(id_).split("/"), "", "", ""]
+    if not NUMBER.fullmatch(number) or any(more):
         raise _no_id(id_)
-    dx = None
-    if spacing:
-        try:
-            dx = positive("dx", float(spacing.removeprefix(SPACING)))
-        except ValueError:
-            raise _no_id(id_) from None
+    if end.startswith(FINER):
+        factor = end.removeprefix(FINER)
+        # one flow, one spelling, here too
+        if not NUMBER.fullmatch(factor) or int(factor) < 2:
+            raise _no_id(id_)
+        return instance(scene, split, int(number), finer=int(factor))
+    if not end:
+        return instance(scene, split, int(number))
+    if not end.startswith(SPACING):
+        raise _no_id(id_)
+    try:
+        dx = positive("dx", float(end.removeprefix(SPACING)))
+    except ValueError:
+        raise _no_id(id_) from None
     return instance(scene, split, int(number), dx)
 
 
 def _no_id(id_: Any) -> ValueError:
     return ValueError(
-        f"instance: expected an id such as 'dam_break/train/17' or 'dam_break/train/17/dx=0.05', "
-        f"got {id_!r}"
+        "instance: expected an id such as 'dam_break/train/17', 'dam_break/train/17/dx=0.05' or "
+        f"'dam_break/train/17/finer=2', got {id_!r}"
     )

@@ -59,9 +59,9 @@ def unsquash(y: float) -> float:
 
 FEATURES = (
     Feature("progress", 0, 1, "share of the episode that is over"),
-    Feature("log_dt", -1, 1, "present action coordinate 0"),
-    Feature("log_stiffness", -1, 1, "present action coordinate 1"),
-    Feature("xsph", -1, 1, "present action coordinate 2"),
+    Feature("log_dt", -1, 1, "present coordinate 0, ln(dt c / h) within its range"),
+    Feature("log_stiffness", -1, 1, "present coordinate 1"),
+    Feature("xsph", -1, 1, "present coordinate 2"),
     Feature("substeps", 0, 1, "ln n / (1 + ln n), n the substeps of the last step"),
     Feature("mach", 0, 1, "s(10 v_max / c)"),
     Feature("max_speed", 0, 1, "s(v_max / U)"),

@@ -40,7 +40,8 @@ class TuningEnv(gym.Env[NDArray[Any], Any]):
     - `scene`: the name of a scene, "mixed" for any of them, "benchmark" for any that is no
       diagnostic, "benchmark-long_fall" for these but one, or a `Scene` of your own, also as its
       `Scene.to_dict()`; an id brings its own, and only Custom takes any other
-    - `dx`: particle spacing [m], by default a coarse one
+    - `dx`: particle spacing [m], by default a coarse one; drawn lengths grow with it, and
+      "dam_break/test/3/finer=2" is a flow with half the usual spacing
     - `instances`: "nominal" or a numbered set, "train", "val", "test" or "ood", from which every
       reset draws with the environment's own generator; or a list of ids, which resets show in
       turn, from place seed (modulo its length) on after a reset with a seed

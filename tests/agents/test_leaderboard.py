@@ -180,7 +180,7 @@ def test_gains_are_compared_shift_by_shift():
 
 def test_finer_flows_are_compared_with_the_same_flows():
     def finer(family):
-        return f"/dx={scores.instances.instance(family, 'test', 0).arguments['dx'] / 2!r}"
+        return "/finer=2"
 
     rule = joined(RULE, entry("tuned_cfl", lambda *where: 0.4, n=2, suffix=finer))
     twice = entry("ppo", lambda *where: 0.45, n=2, suffix=finer, trained_on=GAMES)
@@ -265,7 +265,7 @@ def test_what_a_file_has_is_not_played_again(tmp_path, played):
     assert len(entries.read(path).runs) == 8
     played.clear()
     leaderboard.play(args(tmp_path, n_instances=1, finer=(2,)))
-    assert [job.instance.split("/dx=")[0] for job in played] == [f"{f}/test/0" for f in GAMES[:2]]
+    assert [job.instance for job in played] == [f"{f}/test/0/finer=2" for f in GAMES[:2]]
 
 
 def change(path, **facts):

@@ -99,6 +99,20 @@ def test_a_sound_speed_that_is_held_back_keeps_the_step_as_safe(mode):
         assert controls.dt * rate == pytest.approx(asked)
 
 
+@pytest.mark.parametrize("alpha", [0.005, 0.2, 1.0])
+def test_the_limit_of_the_sound_speed_holds_where_friction_raises_it(alpha):
+    scene, kind, factor = viscous(alpha), actions.make("stable"), 1.2
+    rng = np.random.default_rng(0)
+    present = actions.locate(0.5, 1.0, 0.0)
+    for action in rng.uniform(-1.0, 1.0, (200, 3)):
+        there = kind.act(action, present, scene, rate_limit=factor)
+        before, after = (actions.decode(scene, each).stiffness for each in (present, there))
+        # c goes with the root of the stiffness
+        assert factor**-2.001 <= after / before <= factor**2.001
+        assert np.abs(there).max() <= 1.0
+        present = there
+
+
 @pytest.mark.parametrize("alpha", [0.005, 0.02, 0.2])
 def test_the_tuned_rules_step_is_one_number_in_every_fluid(alpha):
     scene, rule = viscous(alpha), TunedCfl()

@@ -23,7 +23,7 @@ from tests.pairwise import pairwise
 
 CUSTOM = env_id("custom")
 FACTORS = {
-    "id": [*map(env_id, SCENES), env_id("mixed"), CUSTOM],
+    "id": [*map(env_id, (*SCENES, "mixed", "benchmark")), CUSTOM],
     "action_mode": ["absolute", "stable", "delta", "discrete"],
     "render_mode": [None, "rgb_array", "human"],
     "on_blowup": ["terminate", "rollback"],
@@ -100,7 +100,7 @@ def test_an_environment_matches_itself_under_wrappers(wrap, mode):
     check_environments_match(one, wrap(other), 60, seed=4, info_comparison="superset")
 
 
-@pytest.mark.parametrize("name", [*SCENES, "mixed"])
+@pytest.mark.parametrize("name", [*SCENES, "mixed", "benchmark"])
 def test_every_id_matches_itself(name):
     one, other = (gym.make(env_id(name), dx=0.08) for _ in range(2))
     check_environments_match(one, other, 10, seed=1)

@@ -19,7 +19,7 @@ class FlowFamily:
     scene: name of the scene that shows them, and of the environment; dx: a spacing at which an
     episode takes a second [m], with some 300 fluid particles; seed: of the draws, never to be
     changed; draw: returns the arguments except dx, given a generator and dx: lengths in multiples
-    of dx, so that any dx will do; odd: the argument that is far from all others in "ood", and the
+    of dx, so that a flow has about as many particles at any dx; odd: the argument that is far from all others in "ood", and the
     range that it has there.
     frames_per_step: frames of the scene that make a step of the environment, more than one where a
     frame has too few substeps to tune.

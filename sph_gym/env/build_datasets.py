@@ -45,6 +45,8 @@ POLICIES = {
 }
 # Policies that are recorded by default.
 USUAL = ("tuned-rule", "oracle", "random")
+# The set that ids of datasets don't name.
+USUAL_SET = "train"
 
 
 class Plan(NamedTuple):
@@ -58,7 +60,8 @@ class Plan(NamedTuple):
     @property
     def id(self) -> str:
         """Id of the dataset."""
-        return f"sph_gym/{self.scene}/{self.policy}-{VERSION}"
+        split = "" if self.split == USUAL_SET else f"-{self.split}"
+        return f"sph_gym/{self.scene}/{self.policy}{split}-{VERSION}"
 
     def instance(self, k: int) -> str:
         """Return the id of the flow of episode k."""
@@ -69,7 +72,7 @@ def collect(
     scenes: Sequence[str] | None = None,
     policies: Sequence[str] | None = None,
     n_episodes: int = 8,
-    split: str = "train",
+    split: str = USUAL_SET,
 ) -> Iterator[str]:
     """Write a dataset for each scene and policy, with a progress bar; yield ids as they are done.
 
@@ -103,7 +106,10 @@ def _plans(
 
 
 def _is_there(plan: Plan) -> bool:
-    """Return whether the dataset is there. Raises ValueError if it holds other episodes."""
+    """Return whether the dataset is there.
+
+    Raises ValueError if it holds other episodes, or observations or actions of other layouts.
+    """
     with needs_extra("agents"):
         import minari
         from minari.storage.datasets_root_dir import get_dataset_path
@@ -117,6 +123,13 @@ def _is_there(plan: Plan) -> bool:
         raise ValueError(
             f"dataset: {plan.id} is there with other episodes ({found.total_episodes} of them); "
             f"delete {place} to write it anew, or ask for the same ones"
+        )
+    present = dataset.layouts(gym.make(env_id(plan.scene)))
+    written = found.storage.metadata.get("layouts")
+    if written != present:
+        raise ValueError(
+            f"dataset: {plan.id} has the layouts {written}, and environments have {present}: "
+            f"delete {place} to write it anew"
         )
     return True
 

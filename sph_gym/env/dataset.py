@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 from sph_gym.env import manifest
+from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.policies import Policy
 from sph_gym.extras import needs_extra
 from sph_gym.files import atomic_write
@@ -99,11 +100,18 @@ def write(
             dataset = minari.create_dataset_from_buffers(
                 dataset_id, buffers, env=env, jpeg_encoding=False, **metadata
             )
-            dataset.storage.update_metadata({"manifest_version": manifest.VERSION})
+            about = {"manifest_version": manifest.VERSION, "layouts": layouts(env)}
+            dataset.storage.update_metadata(about)
             dataset.storage.update_episode_metadata(map(_summary, episodes))
             written = get_dataset_path(dataset_id)
         os.replace(written, draft)
     return minari.load_dataset(dataset_id)
+
+
+def layouts(env: gym.Env[Any, Any]) -> str:
+    """Return the layouts of what a dataset of an environment holds."""
+    rules = env.unwrapped.rules  # type: ignore[attr-defined]
+    return f"{observation_layout(rules)}, {action_layout(rules.action_mode)}"
 
 
 @contextmanager

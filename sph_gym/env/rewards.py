@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.env.reference import WINDOW, ReferenceRun, recent
-from sph_gym.solver.checks import in_range, positive
+from sph_gym.solver.checks import in_range
 from sph_gym.solver.scene import Scene
 
 MEANINGS = {
@@ -33,6 +33,8 @@ MILDEST, WORST = 1.0, 2.0
 # From so many times the tuned rule's mean work on, a faithful step pays as little as the mildest
 # unfaithful one.
 MOST_WORK = 4.0
+# Smallest tolerance: divided by it, any error of a fluid that hasn't blown up is a finite number.
+SMALLEST = 1e-9
 # Largest weight: times the penalty of any episode, it stays within float32.
 HEAVIEST = 1e6
 
@@ -145,7 +147,7 @@ def check_weights(weights: Mapping[str, float] | None) -> dict[str, float]:
 def check_tolerances(tolerances: Mapping[str, float] | None) -> Tolerances:
     """Return the usual tolerances, replaced where others are given.
 
-    Raises ValueError for unknown names and for what isn't positive.
+    Raises ValueError for unknown names and for what isn't positive, except a spread of 0.
     """
     given = {} if tolerances is None else tolerances
     if not isinstance(given, Mapping):
@@ -154,7 +156,10 @@ def check_tolerances(tolerances: Mapping[str, float] | None) -> Tolerances:
         if name not in Tolerances._fields:
             known = ", ".join(Tolerances._fields)
             raise ValueError(f"tolerances: expected names {known}, got {name!r}")
-    checked = {name: positive(f"tolerances[{name!r}]", value) for name, value in given.items()}
+    checked = {
+        name: in_range(f"tolerances[{name!r}]", value, 0.0 if name == "spread" else SMALLEST)
+        for name, value in given.items()
+    }
     return Tolerances(**checked)
 
 

@@ -444,9 +444,11 @@ def add_density_diffusion(effect, pair, growth):
 class Effects:
     """The effects that act on the fluid besides pressure; one that is left out costs nothing.
 
-    gravity: (gx, gy) [m/s^2], or one of the kinds in gravity.py. All others: see the decorated
-    function of the same name in effects.py, or docs/architecture.md. viscosity_form: deprecated,
-    without a meaning since there is one laminar viscosity.
+    gravity: (gx, gy) [m/s^2], or one of the kinds in gravity.py; artificial_viscosity: alpha;
+    laminar_viscosity: nu [m^2/s]; surface_tension: sigma [N/m]; quadratic_viscosity: beta;
+    tensile_correction, density_diffusion and shifting: without a unit; viscosity_form: deprecated,
+    without a meaning since there is one laminar viscosity. docs/solver.md has their terms and
+    sources.
 
     Raises ValueError for values that aren't finite, for negative ones, for a density diffusion
     without continuity, and for an unknown form of viscosity.

@@ -141,7 +141,6 @@ class Engine:
 
     def set_controls(self, controls: Controls) -> None:
         """Go on with other controls; pressures follow with `follow_stiffness`."""
-        # another array every time: a call on another thread may still read the last one
         self.controls = control_row(self._scene, self.model, controls)[None]
 
     # --- time -------------------------------------------------------------------------------

@@ -18,8 +18,9 @@ import numpy as np
 from gymnasium import spaces
 
 from sph_gym import scenes
-from sph_gym.env import SCENES, actions, env_id
+from sph_gym.env import SCENES, actions, env_id, observations
 from sph_gym.env.distributions import FAMILIES
+from sph_gym.env.registration import GROUPS
 from sph_gym.extras import progress_bar
 from sph_gym.solver.failure import CAUSES
 from sph_gym.solver.scene import Scene
@@ -34,8 +35,10 @@ WRONG_EVERY = 10
 # Spacings that are tried, as multiples of the environment's own, or of one for those without.
 COARSER, OTHER_DX = (1.0, 1.5, 2.0), 0.04
 
-IDS = (*map(env_id, (*SCENES, "mixed", "custom")),)
-VARIANTS = tuple(itertools.product(actions.MODES, ("terminate", "rollback"), ("features", "field")))
+IDS = (*map(env_id, (*SCENES, *GROUPS, "custom")),)
+VARIANTS = tuple(
+    itertools.product(actions.MODES, ("terminate", "rollback"), tuple(observations.TYPES))
+)
 
 
 class Chunk(NamedTuple):
@@ -66,7 +69,7 @@ def _chunk(k: int, id_: str, variant: tuple[str, str, str], steps: int) -> Chunk
     arguments: dict[str, Any] = dict(
         zip(("action_mode", "on_blowup", "observation"), variant, strict=True)
     )
-    # an id has sixteen variants: five and seven, which share no divisor with that, mix
+    # an id has 24 variants: five and seven, which share no divisor with that, mix
     arguments["reward"] = "vector" if k % 5 == 1 else "scalar"
     arguments["rate_limit"] = 2.5 if k % 7 in (2, 5) else None
     if k % 5 == 3:
@@ -74,7 +77,7 @@ def _chunk(k: int, id_: str, variant: tuple[str, str, str], steps: int) -> Chunk
     n_envs, coarser = (1, 8)[(k + k // len(VARIANTS)) % 2], COARSER[k // 2 % 3]
     if coarser == 1.0 and id_ != env_id("custom") and n_envs == 1:
         # whose references are there already, if they are shipped
-        arguments["instances"] = "train"
+        arguments["instances"] = "ood" if k % 5 == 2 else "train"
     return Chunk(id_, arguments, coarser, n_envs, steps, k)
 
 
@@ -92,7 +95,7 @@ def make(chunk: Chunk) -> Any:
     spacings = {env_id(scene): family.dx for scene, family in FAMILIES.items()}
     dx = chunk.coarser * spacings.get(chunk.id, OTHER_DX)
     own: dict[str, Any] = {"scene": own_scene(dx)} if chunk.id == env_id("custom") else {"dx": dx}
-    if chunk.coarser == 1.0 and chunk.id == env_id("mixed"):
+    if chunk.coarser == 1.0 and chunk.id in map(env_id, GROUPS):
         # every scene at its own spacing
         own = {}
     if chunk.n_envs == 1:

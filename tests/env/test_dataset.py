@@ -9,7 +9,7 @@ import sph_gym  # noqa: F401
 from agents.policies import Spec, build
 from sph_gym import scenes
 from sph_gym.__main__ import main
-from sph_gym.env import build_datasets, dataset, manifest
+from sph_gym.env import build_datasets, dataset, manifest, observations
 from sph_gym.env.dataset import record
 from sph_gym.env.fingerprint import fingerprint
 from sph_gym.env.oracle import Oracle, Search
@@ -167,7 +167,7 @@ COMMAND = ["dataset", "--scenes", "patch_impact", "--instances", "val", "--episo
 
 
 def ids(*policies):
-    return [f"sph_gym/patch_impact/{policy}-v1" for policy in policies]
+    return [f"sph_gym/patch_impact/{policy}-val-v1" for policy in policies]
 
 
 def test_one_command_records_the_rule_the_oracle_and_random(small, capsys):
@@ -201,6 +201,14 @@ def test_what_is_there_is_left_alone_and_other_episodes_are_refused(small, monke
     assert capsys.readouterr().out.split() == ids("random", "random")
     assert main([*command[:-3], "1", *command[-2:]]) == 2
     assert "is there with other episodes (2 of them)" in capsys.readouterr().err
+
+
+def test_a_dataset_of_older_layouts_is_not_taken_for_a_present_one(small, monkeypatch, capsys):
+    command = [*COMMAND, "--policies", "random"]
+    assert main(command) == 0
+    monkeypatch.setattr(observations, "VERSION", observations.VERSION + 1)
+    assert main(command) == 2
+    assert "has the layouts features v" in capsys.readouterr().err
 
 
 def test_finished_episodes_survive_ctrl_c(small, monkeypatch, capsys):

@@ -14,7 +14,9 @@ def test_chunks_try_everything():
     plan = soak.chunks(soak.FULL)
     assert sum(chunk.steps for chunk in plan) >= soak.FULL
     assert {chunk.id for chunk in plan} == set(soak.IDS)
-    assert "sph_gym/Mixed-v1" in soak.IDS
+    assert {"sph_gym/Mixed-v1", "sph_gym/Benchmark-v1"} < set(soak.IDS)
+    shown = {chunk.arguments.get("instances", "nominal") for chunk in plan}
+    assert shown == {"nominal", "train", "ood"}
     for id_ in soak.IDS:
         own = [chunk for chunk in plan if chunk.id == id_]
         tried = {tuple(chunk.arguments.values())[:3] for chunk in own}

@@ -80,7 +80,8 @@ def ship(
         "seeds": [seed],
         "minutes": minutes,
         "figures": {},
-        "limits": "It has not been measured yet (python -m agents.leaderboard).",
+        "limits": "They are not known yet: see the figures, and what docs/agents.md says of "
+        "flows unlike those of the training.",
     }
     _write(target.with_suffix(".json"), card)
     path = SHIPPED / f"{BEST}.json"

@@ -82,8 +82,12 @@ def specs(args: ComparisonArgs) -> list[Spec]:
         known("agents", name, NAMES)
     for count in args.grid:
         whole("grid", count, at_least=1)
+    whole("n_search", args.n_search, at_least=1)
+    learned = [agent for agent in args.agents if agent in LEARNED]
+    if networks and not learned:
+        raise ValueError("networks: expected none, for no learned agent is among --agents")
     for name, path in networks.items():
-        known("networks", name, [agent for agent in args.agents if agent in LEARNED])
+        known("networks", name, learned)
         Network.load(path)
     chosen, missing = list[Spec](), list[str]()
     for name in dict.fromkeys(args.agents):

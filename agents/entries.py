@@ -8,6 +8,7 @@ the machine.
 """
 
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -86,6 +87,8 @@ def learner(name: str, networks: Sequence[str], trained_on: Sequence[str]) -> Ag
     stands for the family if each has its own. Raises ValueError that names the argument.
     """
     algorithm = known("learner", name.split("-")[0], LEARNED)
+    if not re.fullmatch(r"[\w-]+", name):
+        raise ValueError(f"learner: expected letters, digits, _ and - in a name, got {name!r}")
     if not networks:
         raise ValueError(f"networks: expected a file of each training of {name}, got none")
     for family in trained_on:
@@ -101,6 +104,15 @@ def learner(name: str, networks: Sequence[str], trained_on: Sequence[str]) -> Ag
         if not path.is_file():
             raise ValueError(f"networks: there is no file {path}")
     found = Agent(name, specs, tuple(trained_on))
+    digests = {path: content_hash(path) for path in paths}
+    contents = {
+        tuple(digests[Path(str(spec.network))] for spec in training)
+        for training in zip(*specs.values(), strict=True)
+    }
+    if len(contents) < len(networks):
+        raise ValueError(
+            "networks: expected another network for each training, and got one of them twice"
+        )
     if len(found.networks) < len(paths):
         raise ValueError(
             "networks: expected files that differ in their names or those of their folders, by "

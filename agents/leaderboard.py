@@ -253,6 +253,11 @@ def write_page(found: Sequence[LeaderboardEntry], runs: pd.DataFrame, page: Path
 def main(args: LeaderboardArgs) -> None:
     """Do what the arguments ask for."""
     if args.page:
+        if args.results.resolve() != entries.FOLDER:
+            raise ValueError(
+                f"results: expected {entries.FOLDER} beside --page, whose files the page and the "
+                f"cards show, got {args.results}"
+            )
         found = entries.read_all(args.results)
         runs = scores.runs_of(found)
         write_page(found, runs)

@@ -92,11 +92,17 @@ def _play_static(spec: Spec) -> Policy:
     if (spec.settings is None) == (spec.table is None):
         raise ValueError(f"agent: {spec.name} needs its settings, or a table of settings")
     if spec.table is not None:
-        try:
-            return play_table(dict(json.loads(Path(spec.table).read_text())))
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"table: {spec.table} is no table of settings ({error})") from None
+        return play_table(read_table(Path(spec.table)))
     return follow(Static(*Settings._make(spec.settings or ())))
+
+
+def read_table(path: Path) -> dict[str, tuple[float, float, float]]:
+    """Return the settings of a file by instance or scene. Raises ValueError if it holds none."""
+    try:
+        rows = dict(json.loads(path.read_text()))
+        return {name: Settings(*map(float, settings)) for name, settings in rows.items()}
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"table: {path} is no table of settings ({error})") from None
 
 
 def play_table(table: Mapping[str, tuple[float, float, float]]) -> Policy:

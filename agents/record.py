@@ -8,6 +8,7 @@ from agents.policies import LEARNED, NAMES, STATIC, Spec, build
 from sph_gym.controllers.shipped import network_of
 from sph_gym.env import env_id
 from sph_gym.env.dataset import record
+from sph_gym.env.instances import SIZES
 from sph_gym.solver.checks import known, whole
 
 
@@ -33,7 +34,14 @@ class RecordingArgs:
 
     def __post_init__(self) -> None:
         known("agent", self.agent, NAMES)
-        whole("episodes", self.episodes, at_least=1)
+        most = SIZES[known("instances", self.instances, SIZES)]
+        if whole("episodes", self.episodes, at_least=1) > most:
+            raise ValueError(
+                f"episodes: expected at most {most}, the flows of {self.instances!r}, got "
+                f"{self.episodes}"
+            )
+        if self.network is not None and self.agent not in LEARNED:
+            raise ValueError(f"network: expected none for {self.agent}, got {self.network}")
         whole("seed", self.seed)
         if (self.agent in STATIC) != (self.settings is not None):
             needed = "three numbers" if self.agent in STATIC else "none"

@@ -7,7 +7,7 @@ its instances, or each instance its own, in hindsight (`--per instance`).
 
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -16,11 +16,11 @@ import pandas as pd
 
 from agents.arguments import BackendArgs, launch, option
 from agents.evaluate import MEASURES, Job, instance_ids, run_episodes, show, write_csv
-from agents.policies import STATIC, Settings, Spec
+from agents.policies import STATIC, Settings, Spec, read_table
 from sph_gym.env.selection import members
 from sph_gym.extras import needs_extra
 from sph_gym.files import atomic_write
-from sph_gym.solver.checks import known, whole
+from sph_gym.solver.checks import in_range, known, positive, whole
 
 SETTINGS = list(Settings._fields)
 PER = ("scene", "instance")
@@ -41,8 +41,20 @@ class StaticSearchArgs(BackendArgs):
     sound: tuple[float, ...] = option("sound speed / nominal c0", (0.2, 0.3, 0.4, 0.55, 0.75, 1.0))
     xsph: tuple[float, ...] = option("XSPH epsilon", (0.1, 0.3, 0.5, 0.7))
     trials: int = option("settings that a sampler tries between the ends of these lists", 120)
+    first: tuple[Path, ...] = option("tables whose settings a sampler tries before its own", ())
     seed: int = option("of the sampler", 0)
     output: Path = option("folder of the tables; finished episodes in it are kept", Path("runs"))
+
+    def __post_init__(self) -> None:
+        known("method", self.method, STATIC[:-1])
+        known("per", self.per, PER)
+        for name in ("courant", "sound"):
+            for value in getattr(self, name):
+                positive(name, value)
+        for value in self.xsph:
+            in_range("xsph", value, 0.0)
+        if self.first and self.method == "grid_search":
+            raise ValueError("first: expected none for grid_search, which tries the whole grid")
 
     @property
     def runs(self) -> Path:
@@ -83,9 +95,12 @@ class GridSearch:
 
 
 class Sampler:
-    """A sampler of Optuna."""
+    """A sampler of Optuna.
 
-    def __init__(self, args: StaticSearchArgs) -> None:
+    first: settings that it tries before its own.
+    """
+
+    def __init__(self, args: StaticSearchArgs, first: Sequence[Settings]) -> None:
         with needs_extra("agents"):
             import optuna
         samplers: dict[str, Any] = {
@@ -101,6 +116,8 @@ class Sampler:
             "sound": real(min(args.sound), max(args.sound), log=True),
             "xsph": real(min(args.xsph), max(args.xsph)),
         }
+        for settings in first:
+            self._study.enqueue_trial(settings._asdict())
         self._left, self._asked = whole("trials", args.trials, at_least=1), list[Any]()
 
     def ask(self) -> list[Settings]:
@@ -125,13 +142,17 @@ class Group(NamedTuple):
 
 
 def _groups(args: StaticSearchArgs) -> Iterator[Group]:
-    known("method", args.method, STATIC[:-1])
-    known("per", args.per, PER)
-    propose = GridSearch if args.method == "grid_search" else Sampler
+    tables = [read_table(path) for path in args.first]
     for scene in members(args.scene):
         ids = instance_ids(scene, args.instances, args.n_instances)
         parts = {scene: ids} if args.per == "scene" else {id_: [id_] for id_ in ids}
-        yield from (Group(name, part, propose(args)) for name, part in parts.items())
+        for name, part in parts.items():
+            if args.method == "grid_search":
+                yield Group(name, part, GridSearch(args))
+                continue
+            found = [table.get(name, table.get(scene)) for table in tables]
+            first = [Settings(*settings) for settings in found if settings is not None]
+            yield Group(name, part, Sampler(args, first))
 
 
 def search(args: StaticSearchArgs) -> pd.DataFrame:

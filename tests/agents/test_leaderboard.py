@@ -392,8 +392,8 @@ def test_other_settings_make_other_results_of_a_static_agent(tmp_path, played):
 
 
 def test_a_learner_has_a_network_of_each_training_and_may_have_one_of_each_family(tmp_path):
-    for family in GAMES:
-        tiny().save(tmp_path / f"{family}.npz")
+    for seed, family in enumerate(GAMES):
+        tiny(seed=seed).save(tmp_path / f"{family}.npz")
     one = str(tmp_path / f"{GAMES[0]}.npz")
     many = entries.learner("sac-by-family", (str(tmp_path / "{family}.npz"), one), GAMES)
     assert many.specs[GAMES[1]] == (
@@ -401,6 +401,21 @@ def test_a_learner_has_a_network_of_each_training_and_may_have_one_of_each_famil
         Spec("sac", network=one),
     )
     assert len(many.networks) == len(GAMES)
+
+
+def test_a_network_counts_as_one_training(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        tiny().save(tmp_path / name / "network.npz")
+    one, other = (str(tmp_path / name / "network.npz") for name in ("a", "b"))
+    for twice in ((one, one), (one, other)):
+        with pytest.raises(ValueError, match="networks: expected another network for each"):
+            entries.learner("ppo", twice, GAMES)
+
+
+def test_the_page_is_made_of_the_projects_own_files(tmp_path):
+    with pytest.raises(ValueError, match=r"results: expected .* beside --page"):
+        leaderboard.main(args(tmp_path, page=True))
 
 
 def test_networks_that_would_be_listed_by_the_same_name_are_refused(tmp_path):
@@ -439,6 +454,7 @@ def test_a_learner_has_seen_the_same_families_in_all_runs_of_its_file(tmp_path, 
         ({"table": Path("x.json")}, "table: expected none for cfl, got x.json"),
         ({"agents": ("tpe",), "table": Path("x.json")}, "table: there is no file x.json"),
         ({"learner": "nobody", "networks": ("x.npz",)}, "learner: expected one of"),
+        ({"learner": "ppo-a/b", "networks": ("x.npz",)}, "learner: expected letters"),
         ({"learner": "ppo"}, "a file of each training of ppo, got none"),
         ({"learner": "ppo", "networks": ("x.npz",)}, "there is no file x.npz"),
         ({"learner": "ppo", "networks": ("{fam}.npz",)}, "there is no file {fam}.npz"),

@@ -4,6 +4,7 @@ import json
 
 import gymnasium as gym
 import numpy as np
+import pandas as pd
 import pytest
 
 from agents import static_search
@@ -64,6 +65,26 @@ def test_scenes_and_instances_get_settings_of_their_own(tmp_path, played):
     table = json.loads(early.table.read_text())
     assert len(table) == 6
     assert table["drop_impact"] == [0.8, 0.9, 0.4]
+
+
+def test_a_sampler_tries_the_settings_of_tables_first(tmp_path, played):
+    own, general = Settings(0.7, 0.5, 0.2), Settings(0.9, 0.6, 0.3)
+    for name, table in (("a", {"dam_break/test/1": own}), ("b", {"dam_break": general})):
+        (tmp_path / f"{name}.json").write_text(json.dumps(table))
+    tables = tuple(tmp_path / f"{name}.json" for name in ("a", "b"))
+    search = StaticSearchArgs(
+        "tpe", n_instances=2, instances="test", per="instance", first=tables, trials=3,
+        output=tmp_path,
+    )  # fmt: skip
+    static_search.search(search)
+    runs = pd.read_csv(search.runs)
+    tried = {
+        id_: list(map(tuple, own[static_search.SETTINGS].to_numpy()))
+        for id_, own in runs.groupby("instance")
+    }
+    assert tried["dam_break/test/0"][0] == general
+    assert tried["dam_break/test/1"][:2] == [own, general]
+    assert len(tried["dam_break/test/1"]) == 3
 
 
 def test_the_best_setting_of_a_group_comes_first(tmp_path, played):

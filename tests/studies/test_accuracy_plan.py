@@ -178,7 +178,8 @@ def test_agents_are_where_they_can_be():
     assert points.available("lookahead", "dam_break")
     assert not points.available("lookahead", "couette")
     assert points.available("tuned_cfl", "couette")
-    assert not points.available("ppo", "couette")
+    assert points.available("ppo_warm-absolute", "dam_break")
+    assert not points.available("ppo_warm-absolute", "couette")
 
 
 def test_an_unknown_scene_is_answered_with_the_known_ones():

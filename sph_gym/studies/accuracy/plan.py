@@ -39,7 +39,7 @@ VALUES: Mapping[str, Sequence[Any]] = {
     "dtype": tuple(DTYPES),
     "integrator": tuple(INTEGRATORS),
     "xsph": (0.0, 0.15, 0.3, 0.5),
-    "controller": ("cfl", "tuned_cfl", "lookahead", "ppo", "sac"),
+    "controller": ("cfl", "tuned_cfl", "lookahead", "ppo_warm-absolute"),
 }
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.controllers import Network
-from sph_gym.controllers.network import shipped_network
+from sph_gym.controllers.shipped import network_of
 from sph_gym.env.layouts import action_layout, observation_layout
 from sph_gym.env.oracle import COARSE, Oracle
 from sph_gym.env.rules import Rules
@@ -35,7 +35,7 @@ from sph_gym.timing import pinned
 
 # Scenes of the study that are environments as they stand, for agents; a search takes a minute.
 SEARCHED = ("dam_break",)
-LEARNED = ("ppo", "sac")
+LEARNED = ("ppo_warm-absolute",)
 # Runs that are short are repeated, up to so much time [s] and so many runs.
 PATIENCE, MOST = 0.1, 5
 # So are runs whose times differ by more than this share of the median, the three runs around it.
@@ -107,7 +107,7 @@ class Sampling(NamedTuple):
 
 def key_of(case: Refinement, setting: Setting, other: int) -> dict[str, Any]:
     """Return all that the error of a point depends on, sources apart."""
-    network = shipped_network(setting.controller, case.scene)
+    network = network_of(setting.controller, case.scene)
     return {
         "scene": case.scene,
         "arguments": case.given(other),
@@ -115,7 +115,7 @@ def key_of(case: Refinement, setting: Setting, other: int) -> dict[str, Any]:
         "measure": case.measure,
         "joined": case.joined,
         "setting": setting._asdict(),
-        "network": content_hash(network) if network.is_file() else "",
+        "network": "" if network is None else content_hash(network),
         "numpy": np.__version__,
     }
 
@@ -231,7 +231,7 @@ def make_point(facts: dict[str, Any], kept: dict[str, Any]) -> Point:
 def available(name: str, scene: str) -> bool:
     """Return whether there is such a controller for a scene."""
     if name in LEARNED:
-        return shipped_network(name, scene).is_file()
+        return scene in SEARCHED and network_of(name, scene) is not None
     return not is_agent(name) or (name == "lookahead" and scene in SEARCHED)
 
 
@@ -255,7 +255,9 @@ def play(name: str, scene: Scene) -> Schedule:
 def _policy(name: str, scene: Scene) -> Callable[[Any, Any], Any]:
     if name == "lookahead":
         return Oracle(COARSE)
-    trained = Network.load(shipped_network(name, scene.name))
+    network = network_of(name, scene.name)
+    assert network is not None
+    trained = Network.load(network)
     trained.check(observation_layout(Rules()), action_layout("absolute"))
     return lambda env, observation: trained(observation)
 

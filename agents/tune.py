@@ -2,8 +2,8 @@
 
 The study is a journal in the output folder, to which every training adds as it ends: a study that
 was interrupted goes on, and several processes can work on one at the same time, also those of a
-cluster that share this folder. Trainings that do worse than the median at the same step are ended
-early. The best settings are printed as an entry for hyperparams/ALGORITHM.yml.
+cluster that share this folder. A training is ended early if, at the same step, it is in the worst
+quarter of those that ran to their end. The best settings are printed as an entry for hyperparams/ALGORITHM.yml.
 """
 
 from dataclasses import dataclass, replace
@@ -36,8 +36,10 @@ from sph_gym.studies.results import Results
 
 # Arguments that all trainings of a study share: others give returns that can't be compared.
 SHARED = ("steps", "n_envs", "evaluate_every", "n_evaluations")
-# Validations before which no training is ended early, and trainings before the first that may be.
-WARM_UP, FIRST = 2, 4
+# Validations before which no training is ended early, trainings before the first that may be, and
+# the share [%] of those that ran to their end that it has to be among. With the median, a few good
+# first ones end nearly all that follow.
+WARM_UP, FIRST, AMONG = 2, 4, 75.0
 ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
 # In this process, one training after another.
 ALONE = Backend(workers=1)
@@ -109,7 +111,8 @@ def open_study(args: TuneArgs) -> optuna.Study:
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     args.folder.mkdir(parents=True, exist_ok=True)
     storage = JournalStorage(JournalFileBackend(str(args.folder / "study.log")))
-    pruner = optuna.pruners.MedianPruner(FIRST, n_warmup_steps=WARM_UP * args.evaluate_every)
+    warm_up = WARM_UP * args.evaluate_every
+    pruner = optuna.pruners.PercentilePruner(AMONG, FIRST, n_warmup_steps=warm_up)
     about: dict[str, Any] = {"study_name": args.folder.name, "storage": storage, "pruner": pruner}
     if args.folder.name in optuna.get_all_study_names(storage):
         # a study that is only looked at stays as it is

@@ -43,6 +43,20 @@ def test_it_begins_with_the_present_settings_and_finds_better_ones(tmp_path, tra
     assert best.keys() == present.keys()
 
 
+def test_only_the_worst_quarter_is_ended_early(tmp_path):
+    args = TuneArgs(output=tmp_path)
+    study = tune.open_study(args)
+    for value in (1.0, 2.0, 3.0, 4.0):
+        trial = study.ask()
+        trial.report(value, 3 * args.evaluate_every)
+        study.tell(trial, value)
+    for value, ended in ((1.5, True), (2.0, False)):
+        trial = study.ask()
+        trial.report(value, 3 * args.evaluate_every)
+        assert trial.should_prune() == ended
+        study.tell(trial, value)
+
+
 def test_a_study_goes_on(tmp_path, trainings):
     tune.tune(TuneArgs(trials=2, output=tmp_path))
     study = tune.tune(TuneArgs(trials=5, output=tmp_path))

@@ -21,6 +21,7 @@ from matplotlib.ticker import (
 )
 from numpy.typing import NDArray
 
+from agents.scores import Interval, interval, mean, tables_by_family
 from agents.styles import AgentStyle, Line, Marker, style_of
 from sph_gym.env.rewards import TERMS, Tolerances
 from sph_gym.studies.averages import bootstrap_interval
@@ -128,9 +129,11 @@ def plot_cost_against_error(runs: pd.DataFrame, path: Path) -> None:
         ):
             for agent in order:
                 own = runs[runs["agent"] == agent]
-                _cross(
-                    ax, own["work"], own[measure] / unit, style_of(agent), bool(own["blowup"].any())
+                work, error = (
+                    bootstrap_interval(each.to_numpy())
+                    for each in (own["work"], own[measure] / unit)
                 )
+                _cross(ax, work, error, style_of(agent), bool(own["blowup"].any()))
             ax.axhline(1.0, color=INK, lw=1.0, ls="--", zorder=1)
             ax.set_xlabel("work / work of the tuned CFL rule")
             ax.set_title(title, size=11)
@@ -140,12 +143,9 @@ def plot_cost_against_error(runs: pd.DataFrame, path: Path) -> None:
         _legend(figure, [*handles, _handle("tolerance", "", INK, ls="--", lw=1.0)], 4)
 
 
-def _cross(ax: Axes, x: pd.Series, y: pd.Series, style: AgentStyle, blown: bool) -> None:
+def _cross(ax: Axes, x: Interval, y: Interval, style: AgentStyle, blown: bool) -> None:
     """Mark mean and interval both ways, hollow if any of the runs blew up."""
-    (x_mean, *x_ends), (y_mean, *y_ends) = (
-        bootstrap_interval(x.to_numpy()),
-        bootstrap_interval(y.to_numpy()),
-    )
+    (x_mean, *x_ends), (y_mean, *y_ends) = x, y
     ax.plot(x_ends, [y_mean, y_mean], color=style.colour, lw=1.6, zorder=2)
     ax.plot([x_mean, x_mean], y_ends, color=style.colour, lw=1.6, zorder=2)
     _mark(ax, x_mean, y_mean, style, 9, hollow=blown)
@@ -193,13 +193,16 @@ def plot_profiles(runs: pd.DataFrame, path: Path) -> None:
 def plot_trades(runs: pd.DataFrame, path: Path) -> None:
     """Plot mean work against the mean largest error, with 95 % intervals, one mark an agent.
 
-    runs: one row a run, with agent, return, work, error and blowup.
+    runs: one row a run, as `agents.scores.runs_of` returns them.
     """
     with _figure(path, 8.0, 5.6) as figure:
         ax = figure.add_subplot()
         for agent in _ranking(runs):
             own = runs[runs["agent"] == agent]
-            _cross(ax, own["work"], own["error"], style_of(agent), bool(own["blowup"].any()))
+            work, error = (
+                interval(tables_by_family(own, measure), mean) for measure in ("work", "error")
+            )
+            _cross(ax, work, error, style_of(agent), bool(own["blowup"].any()))
         ax.axhline(1.0, color=INK, lw=1.0, ls="--", zorder=1)
         ax.set_xlabel("work / work of the tuned CFL rule")
         ax.set_title("↙ better", loc="right", size=10, color=MUTED)

@@ -186,7 +186,7 @@ class Training:
 
         more: callbacks besides checkpoints and validations. Ctrl-C ends all trials with this one.
         """
-        args, best, began = self.args, self.folder / "best_model.zip", time.monotonic()
+        args, began = self.args, time.monotonic()
         ids = validation_ids(args.scene, args.n_evaluations)
         validation = Validation(ids, self.folder, self.action_mode, args.resume)
         if not validation.curve:
@@ -194,7 +194,7 @@ class Training:
             validation.network.unlink(missing_ok=True)
         if not args.resume:
             # else --resume could take up the training before this one
-            best.unlink(missing_ok=True)
+            (self.folder / "best_model.zip").unlink(missing_ok=True)
             shutil.rmtree(self.folder / "checkpoints", ignore_errors=True)
         try:
             model.learn(
@@ -208,18 +208,17 @@ class Training:
             if self.trial is not None:
                 raise
             print("interrupted: what has been learned so far is kept")
-        last = self.folder / "last_model.zip"
-        model.save(last)
+        model.save(self.folder / "last_model.zip")
         # without a validation there is no best model
         if not validation.network.exists():
             checked_export(model, self.plain).save(validation.network)
         print(f"policy: {validation.network}")
         if args.ship:
             minutes = round((time.monotonic() - began) / 60)
-            self._ship(validation.network, best if best.exists() else last, minutes)
+            self._ship(validation.network, minutes)
 
-    def _ship(self, network: Path, model: Path, minutes: int) -> None:
-        """Put the network into the package, and the model that it was made of beside this file."""
+    def _ship(self, network: Path, minutes: int) -> None:
+        """Put the network into the package, with a card."""
         args = self.args
         target = cards.ship(
             network, self.name, args.scene,
@@ -228,9 +227,6 @@ class Training:
             f"{len(validation_ids(args.scene, args.n_evaluations))} validation flows.",
             command=" ".join([program(), *sys.argv[1:]]), seed=args.seed, minutes=minutes,
         )  # fmt: skip
-        origin = FOLDER / "trained" / f"{target.stem}.zip"
-        origin.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(model, origin)
         print(f"shipped: {target}")
 
     def _callbacks(self, validation: Validation) -> list[BaseCallback]:

@@ -3,7 +3,8 @@
 The study is a journal in the output folder, to which every training adds as it ends: a study that
 was interrupted goes on, and several processes can work on one at the same time, also those of a
 cluster that share this folder. A training is ended early if, at the same step, it is in the worst
-quarter of those that ran to their end. The best settings are printed as an entry for hyperparams/ALGORITHM.yml.
+quarter of those that ran to their end. The best settings are printed as an entry for
+hyperparams/ALGORITHM.yml.
 """
 
 from dataclasses import dataclass, replace

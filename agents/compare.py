@@ -34,6 +34,7 @@ from sph_gym.env import env_id
 from sph_gym.env.instances import ODD
 from sph_gym.env.instances import parse as parse_instance
 from sph_gym.extras import progress_bar
+from sph_gym.files import atomic_write
 from sph_gym.solver.checks import known, whole
 from sph_gym.studies.machine import describe
 from sph_gym.view import Painter, side_by_side, write_video
@@ -183,7 +184,8 @@ def animate(pictures: list[list[Picture]], folder: Path) -> None:
 
     bitrate = round(FILM_SIZE * FRAMES_PER_SECOND / length)
     write_video(folder / "side_by_side.mp4", map(at, range(length)), FRAMES_PER_SECOND, bitrate)
-    imageio.imwrite(folder / "side_by_side.png", at(length // 3))
+    with atomic_write(folder / "side_by_side.png") as draft:
+        imageio.imwrite(draft, at(length // 3))
 
 
 def compare(args: ComparisonArgs) -> Path:

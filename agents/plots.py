@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from agents.scores import Interval, interval, mean, tables_by_family
 from agents.styles import AgentStyle, Line, Marker, style_of
 from sph_gym.env.rewards import TERMS, Tolerances
+from sph_gym.files import atomic_write
 from sph_gym.studies.averages import bootstrap_interval
 
 # Markers look equally large at these sizes; a circle stays visible below a square.
@@ -332,7 +333,8 @@ def _figure(path: Path, width: float, height: float) -> Iterator[Figure]:
     with rc_context(LOOK):
         figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
         yield figure
-        figure.savefig(path)
+        with atomic_write(path) as draft:
+            figure.savefig(draft)
 
 
 def _agent_rows(figure: Figure, order: Sequence[str]) -> Axes:

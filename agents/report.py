@@ -15,6 +15,7 @@ from agents.evaluate import MEASURES, readable
 from agents.policies import ORACLES
 from agents.styles import Marker, sentence, style_of
 from sph_gym.env.rewards import MILDEST, MOST_WORK, WINDOW, WORST, Tolerances
+from sph_gym.files import atomic_write
 
 # Files that the report looks for in its folder, and those that it must be given.
 PLOTS = ("returns.png", "cost_against_error.png", "reward_terms.png", "controls.png")
@@ -29,11 +30,13 @@ def write_tables(summary: pd.DataFrame, folder: Path, stem: str = "table") -> No
 
     summary: as `agents.evaluate.summary_table` or `shift_table` returns it.
     """
-    summary.to_csv(folder / f"{stem}.csv", index=False)
+    with atomic_write(folder / f"{stem}.csv") as draft:
+        summary.to_csv(draft, index=False)
     text = readable(summary)
     sides = ["left" if name in ("shift", "agent") else "right" for name in text.columns]
     markdown = text.to_markdown(index=False, colalign=sides, disable_numparse=True)
-    (folder / f"{stem}.md").write_text(f"{markdown}\n", encoding="utf-8")
+    with atomic_write(folder / f"{stem}.md") as draft:
+        draft.write_text(f"{markdown}\n", encoding="utf-8")
 
 
 def write_report(folder: Path, context: Mapping[str, Any]) -> Path:
@@ -60,7 +63,8 @@ def write_report(folder: Path, context: Mapping[str, Any]) -> Path:
         worst=f"{WORST:g}",
     )
     path = folder / "report.html"
-    path.write_text(html, encoding="utf-8")
+    with atomic_write(path) as draft:
+        draft.write_text(html, encoding="utf-8")
     return path
 
 

@@ -64,9 +64,10 @@ def _write(rows: list[dict[str, Any]], stem: Path) -> None:
     with needs_extra("studies"):
         import pandas as pd
     frame = pd.DataFrame(rows)
-    stem.parent.mkdir(parents=True, exist_ok=True)
-    frame.to_csv(stem.with_suffix(".csv"), index=False)
-    frame.to_parquet(stem.with_suffix(".parquet"), index=False)
+    with atomic_write(stem.with_suffix(".csv")) as draft:
+        frame.to_csv(draft, index=False)
+    with atomic_write(stem.with_suffix(".parquet")) as draft:
+        frame.to_parquet(draft, index=False)
 
 
 def record(point: Point) -> dict[str, Any]:

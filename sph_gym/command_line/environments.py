@@ -81,9 +81,9 @@ def _add_dataset(commands: Any) -> None:
         "dataset",
         _dataset,
         help="record Minari datasets of the rule, the oracle and random actions",
-        description="Writes sph_gym/SCENE/POLICY-v1 for each scene and policy, sph_gym/SCENE/POLICY-SET-v1 of "
-        "other sets than train. Stop it when you "
-        "like: finished episodes are kept, and the same command goes on from there.",
+        description="Writes sph_gym/SCENE/POLICY-v1 for each scene and policy, and of other sets "
+        "than train sph_gym/SCENE/POLICY-SET-v1. Stop it when you like: finished episodes are "
+        "kept, and the same command goes on from there.",
         examples=(
             ("dataset --scenes dam_break --policies tuned-rule", "one dataset of 8 episodes"),
         ),

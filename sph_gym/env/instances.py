@@ -1,8 +1,8 @@
 """Instances: the flows that episodes show, in finite numbered sets that manifests list.
 
 An id such as "dam_break/train/17" names environment, set and number; manifests say what it means.
-Lengths are drawn in multiples of the spacing: "dam_break/train/17/dx=0.05" is a larger flow, of about
-as many particles. "dam_break/train/17/finer=2" is the same flow with half the usual spacing.
+Lengths are drawn in multiples of the spacing: "dam_break/train/17/dx=0.05" is a larger flow, of
+about as many particles. "dam_break/train/17/finer=2" is the same flow with half the usual spacing.
 """
 
 import re

@@ -19,8 +19,8 @@ class FlowFamily:
     scene: name of the scene that shows them, and of the environment; dx: a spacing at which an
     episode takes a second [m], with some 300 fluid particles; seed: of the draws, never to be
     changed; draw: returns the arguments except dx, given a generator and dx: lengths in multiples
-    of dx, so that a flow has about as many particles at any dx; odd: the argument that is far from all others in "ood", and the
-    range that it has there.
+    of dx, so that a flow has about as many particles at any dx; odd: the argument that is far from
+    all others in "ood", and the range that it has there.
     frames_per_step: frames of the scene that make a step of the environment, more than one where a
     frame has too few substeps to tune.
     diagnostic: why cheap tricks may win, empty if they lose to the tuned CFL rule; headroom: work

@@ -45,7 +45,7 @@ DIAGNOSTIC = {name: family.diagnostic for name, family in FAMILIES.items() if fa
 
 # One flow, one spelling: int() would take "007" and the digits of all scripts.
 NUMBER = re.compile("0|[1-9][0-9]{0,8}")
-# What may stand at the end of an id: another spacing, in m, or the factor by which a flow is finer.
+# Ends of ids: "dx=0.05" is another spacing [m], "finer=2" divides the usual one by 2.
 SPACING, FINER = "dx=", "finer="
 # Name of the set in the id of a user's own scene.
 CUSTOM = "custom"

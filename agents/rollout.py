@@ -1,9 +1,9 @@
 """Policy iteration by rollouts: `python -m agents.rollout --scene benchmark`.
 
 From states that the policy visits, many actions are tried on the running solver, each held for some
-steps. Networks learn what an action earns in a state, from what is observed there, and the policy
-becomes the one that earns most by them. Then it plays again, and all that was tried so far counts.
-Tries (`agents.tries`) are kept on disk and not repeated.
+steps. Networks learn what an action earns in a state, and how likely the fluid blows up, from what
+is observed there. The policy becomes the one that earns most by them. Then it plays again, and all
+that was tried so far counts. Tries (`agents.tries`) are kept on disk and not repeated.
 Source: Lagoudakis and Parr 2003, reinforcement learning as classification. Their rollouts go on
 with the policy after the first action; here the action is held, and nothing follows it.
 """
@@ -102,11 +102,13 @@ class RolloutSettings:
     value: FitSettings
     policy: FitSettings
     doubt: float
+    price: float
 
     def __post_init__(self) -> None:
         # an action of the other kinds means something else in every state
         known("action_mode", self.action_mode, ("absolute", "stable"))
-        in_range("doubt", self.doubt, 0.0)
+        for name in ("doubt", "price"):
+            in_range(name, getattr(self, name), 0.0)
 
 
 def filled(kind: type[Kind], place: str, entries: Any) -> Kind:
@@ -176,28 +178,36 @@ def visit(args: RolloutArgs, number: int, learner: Path | None) -> list[dict[str
 
 
 def fit_value(args: RolloutArgs, found: Tries, number: int) -> torch.nn.Module:
-    """Return a network that has learned what an action earns; number: of several."""
+    """Return a network that has learned what an action earns and the logit of a blow-up.
+
+    number: of several.
+    """
     settings, count = args.settings.value, found.actions.shape[1]
     torch.manual_seed(1000 * args.seed + number)
-    observations, actions, values = map(torch.as_tensor, found)
+    observations, actions, values, blowups = map(torch.as_tensor, found)
     inputs = torch.cat([observations.repeat_interleave(count, 0), actions.flatten(0, 1)], 1)
-    wanted = values.flatten()
-    module = perceptron(inputs.shape[1], settings.net_arch, 1, torch.nn.SiLU)
+    wanted, blown = values.flatten(), blowups.flatten()
+    module = perceptron(inputs.shape[1], settings.net_arch, 2, torch.nn.SiLU)
     descent = torch.optim.AdamW(module.parameters(), settings.learning_rate, weight_decay=1e-3)
     steps, rate = settings.gradient_steps, settings.learning_rate
     schedule = torch.optim.lr_scheduler.OneCycleLR(descent, rate, total_steps=steps)
 
     def loss() -> torch.Tensor:
         batch = torch.randint(len(inputs), (settings.batch_size,))
-        return (module(inputs[batch])[:, 0] - wanted[batch]).square().mean()
+        earned, logits = module(inputs[batch]).T
+        risk = torch.nn.functional.binary_cross_entropy_with_logits(logits, blown[batch])
+        return (earned - wanted[batch]).square().mean() + risk
 
     descend(loss, descent, schedule, steps)
     return module.requires_grad_(False)
 
 
 def fit_policy(args: RolloutArgs, found: Tries, values: Sequence[torch.nn.Module]) -> Network:
-    """Return a new policy whose actions earn most by what the values say, less their doubt."""
-    settings, doubt = args.settings.policy, args.settings.doubt
+    """Return a new policy whose actions earn most by the values, less the price of blow-ups.
+
+    Where the values disagree, their doubt counts, too.
+    """
+    settings, doubt, price = args.settings.policy, args.settings.doubt, args.settings.price
     torch.manual_seed(args.seed)
     observations = torch.as_tensor(found.observations)
     module = perceptron(observations.shape[1], settings.net_arch, 3)
@@ -210,10 +220,11 @@ def fit_policy(args: RolloutArgs, found: Tries, values: Sequence[torch.nn.Module
         wished = module(seen)
         actions = wished.clamp(-1.0, 1.0)
         inputs = torch.cat([seen, actions + JITTER * torch.randn_like(actions)], 1)
-        worths = torch.stack([value(inputs)[:, 0] for value in values])
-        earned = worths.mean(0) - doubt * worths.std(0, correction=0)
-        # without the second term, what is beyond the bounds would never come back
-        return 0.1 * (wished - actions).square().mean() - earned.mean()
+        earned, logits = torch.stack([value(inputs) for value in values]).unbind(-1)
+        worths = earned - price * logits.sigmoid()
+        sure = worths.mean(0) - doubt * worths.std(0, correction=0)
+        # without the first term, what is beyond the bounds would never come back
+        return 0.1 * (wished - actions).square().mean() - sure.mean()
 
     descend(loss, descent, decay, steps)
     return plain_network(module, "clip", args.settings.action_mode)

@@ -28,12 +28,13 @@ class Tries(NamedTuple):
     """Actions that were tried from n states, k from each, and what they earned.
 
     observations: (n, entries); actions: (n, k, 3), the policy's own one first; values: (n, k) mean
-    reward a step.
+    reward a step; blowups: (n, k), 1 where the fluid blew up, else 0.
     """
 
     observations: NDArray[np.float32]
     actions: NDArray[np.float32]
     values: NDArray[np.float32]
+    blowups: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,6 @@ class TrySettings:
     anywhere: int
     spread: Sequence[float]
     lowest: Sequence[float]
-    lost: int
     follow: float
 
     def __post_init__(self) -> None:
@@ -57,8 +57,7 @@ class TrySettings:
         in_range("follow", self.follow, 0.0, 1.0)
         for name in ("hold", "near"):
             whole(name, getattr(self, name), at_least=1)
-        for name in ("anywhere", "lost"):
-            whole(name, getattr(self, name))
+        whole("anywhere", self.anywhere)
         for value in finite_array("spread", self.spread, (3,)):
             positive("spread", value)
         for value in finite_array("lowest", self.lowest, (3,)):
@@ -101,8 +100,9 @@ def explore(job: Exploration) -> dict[str, Any]:
         left = env.episode.n_steps - env.episode.step
         if left >= FEWEST and rng.random() < settings.share:
             actions = candidates(own, settings, rng)
-            values = [worth(env.episode, each, settings.hold, settings.lost) for each in actions]
-            for name, numbers in zip(Tries._fields, (observation, actions, values), strict=True):
+            outcomes = [worth(env.episode, each, settings.hold) for each in actions]
+            row = (observation, actions, *zip(*outcomes, strict=True))
+            for name, numbers in zip(Tries._fields, row, strict=True):
                 found[name].append(rounded(numbers))
             if rng.random() < settings.follow:
                 followed = [actions[1 + rng.integers(settings.near)]] * FOLLOWED
@@ -117,22 +117,21 @@ def candidates(own: Any, settings: TrySettings, rng: np.random.Generator) -> NDA
     return np.clip([own, *near, *anywhere], -1.0, 1.0).astype(np.float32)
 
 
-def worth(episode: Episode, action: Any, hold: int, lost: int) -> float:
-    """Return the mean reward a step of an action that is held; the episode stays where it is.
+def worth(episode: Episode, action: Any, hold: int) -> tuple[float, bool]:
+    """Return the mean reward a step of an action that is held, and if the fluid blew up.
 
-    A blow-up earns the worst reward in all steps that the try should have had, and in up to `lost`
-    more.
+    From a blow-up on, every step of the try earns the worst reward. The episode stays where it is.
     """
-    start, left, earned = episode.state(), episode.n_steps - episode.step, 0.0
-    planned = min(hold, left)
+    start, earned, blown = episode.state(), 0.0, False
+    planned = min(hold, episode.n_steps - episode.step)
     for number in range(planned):
         step = play(episode, action)
-        if step.blowup:
-            earned -= WORST * (planned - number + min(lost, left - planned))
+        if blown := step.blowup:
+            earned -= WORST * (planned - number)
             break
         earned += step.reward
     episode.restore(start)
-    return earned / planned
+    return earned / planned, blown
 
 
 def gather(episodes: Sequence[dict[str, Any]]) -> Tries:

@@ -18,7 +18,7 @@ from tests.networks import tiny
 INSTANCE = "patch_impact/train/0"
 HOW = {
     "share": 0.5, "hold": 3, "near": 2, "anywhere": 1, "spread": [0.1, 0.2, 0.2],
-    "lowest": [0.1, -1.0, -1.0], "lost": 4, "follow": 0.5,
+    "lowest": [0.1, -1.0, -1.0], "follow": 0.5,
 }  # fmt: skip
 SETTINGS = {
     "action_mode": "stable",
@@ -28,6 +28,7 @@ SETTINGS = {
     },
     "policy": {"net_arch": [8], "gradient_steps": 300, "batch_size": 64, "learning_rate": 1e-2},
     "doubt": 0.5,
+    "price": 0.0,
 }  # fmt: skip
 
 
@@ -46,7 +47,8 @@ def test_a_try_earns_what_the_environment_pays_and_leaves_no_trace():
     env.reset(options={"instance": INSTANCE})
     action = np.array([0.4, 0.0, -0.2], np.float32)
     before = env.episode.observe()
-    found = tries.worth(env.episode, action, 3, 4)
+    found, blown = tries.worth(env.episode, action, 3)
+    assert not blown
     assert np.array_equal(env.episode.observe(), before)
     rewards = [env.step(action)[1] for _ in range(3)]
     assert found == pytest.approx(np.mean(rewards), rel=1e-6)
@@ -67,8 +69,8 @@ class Fragile:
         self.step = state
 
 
-@pytest.mark.parametrize(("n_steps", "lost"), [(100, 4), (9, 1), (8, 0)])
-def test_a_blowup_costs_the_rest_of_the_try_and_some_steps_more(monkeypatch, n_steps, lost):
+@pytest.mark.parametrize(("n_steps", "planned"), [(100, 8), (8, 8), (5, 5)])
+def test_a_blowup_costs_the_rest_of_the_try(monkeypatch, n_steps, planned):
     def play_one(episode, action):
         episode.step += 1
         ended = episode.step == episode.fatal
@@ -76,9 +78,10 @@ def test_a_blowup_costs_the_rest_of_the_try_and_some_steps_more(monkeypatch, n_s
 
     monkeypatch.setattr(tries, "play", play_one)
     episode = Fragile(n_steps, fatal=3)
-    found = tries.worth(episode, None, 8, 4)
+    found, blown = tries.worth(episode, None, 8)
+    assert blown
     assert episode.step == 0
-    assert found == pytest.approx((2 * 0.5 - WORST * (6 + lost)) / 8)
+    assert found == pytest.approx((2 * 0.5 - WORST * (planned - 2)) / planned)
 
 
 def test_the_policys_own_action_is_tried_first_and_all_are_within_bounds():
@@ -100,7 +103,7 @@ def test_an_episode_is_the_same_again_and_its_tries_are_of_states_that_it_visits
     gathered = tries.gather([found])
     n = len(gathered.observations)
     assert gathered.actions.shape == (n, 4, 3)
-    assert gathered.values.shape == (n, 4)
+    assert gathered.values.shape == gathered.blowups.shape == (n, 4)
     env = TuningEnv("patch_impact", action_mode="stable")
     observation, _ = env.reset(options={"instance": INSTANCE})
     visited = [observation]
@@ -117,7 +120,7 @@ def test_a_policy_plays_what_earns_most(at_once):
     seen = rng.uniform(-1, 1, (300, 23)).astype(np.float32)
     tried = rng.uniform(-1, 1, (300, 6, 3)).astype(np.float32)
     best = 0.5 * seen[:, None, :3]
-    known = Tries(seen, tried, -np.square(tried - best).sum(axis=2))
+    known = Tries(seen, tried, -np.square(tried - best).sum(axis=2), np.zeros((300, 6), "f4"))
     args = RolloutArgs()
     network = rollout.fit_policy(args, known, [rollout.fit_value(args, known, k) for k in (0, 1)])
     found = np.array([network(row) for row in seen])
@@ -125,9 +128,16 @@ def test_a_policy_plays_what_earns_most(at_once):
 
 
 def test_doubt_keeps_a_policy_away_from_what_values_disagree_about(at_once, monkeypatch):
-    known = Tries(np.zeros((20, 23), np.float32), *(np.zeros((20, 1)),) * 2)
+    known = Tries(np.zeros((20, 23), np.float32), *(np.zeros((20, 1)),) * 3)
+
+    def value(slope):
+        """Earns more or less in larger actions, and never blows up."""
+        return lambda inputs: torch.stack(
+            [slope * inputs[:, 23], torch.full((len(inputs),), -99.0)], 1
+        )
+
     # both see more in larger actions, but one of them a loss
-    values = [lambda inputs, k=k: k * inputs[:, 23:24] for k in (3.0, -2.0)]
+    values = [value(3.0), value(-2.0)]
     chosen = {}
     for doubt in (0.0, 1.0):
         monkeypatch.setitem(SETTINGS, "doubt", doubt)
@@ -136,6 +146,25 @@ def test_doubt_keeps_a_policy_away_from_what_values_disagree_about(at_once, monk
     assert chosen[0.0] > 0.5
     # all that they agree on is to stay at zero
     assert abs(chosen[1.0]) < 0.1
+
+
+def test_a_price_keeps_a_policy_away_from_blowups(at_once, monkeypatch):
+    rng = np.random.default_rng(0)
+    seen = rng.uniform(-1, 1, (300, 23)).astype(np.float32)
+    tried = rng.uniform(-1, 1, (300, 6, 3)).astype(np.float32)
+    # longer steps earn more, and from 0.2 on the fluid blows up once in four times
+    blown = (tried[:, :, 0] > 0.2) & (rng.random((300, 6)) < 0.25)
+    known = Tries(seen, tried, tried[:, :, 0], blown.astype(np.float32))
+    chosen = {}
+    for price in (0.0, 20.0):
+        monkeypatch.setitem(SETTINGS, "price", price)
+        args = RolloutArgs()
+        values = [rollout.fit_value(args, known, k) for k in (0, 1)]
+        network = rollout.fit_policy(args, known, values)
+        chosen[price] = np.array([network(row)[0] for row in seen])
+    assert np.median(chosen[0.0]) > 0.6
+    assert np.mean(chosen[20.0] < 0.2) > 0.9
+    assert np.median(chosen[20.0]) > -0.4
 
 
 def test_it_learns_in_rounds_and_tries_nothing_twice(tmp_path, at_once, shipped_here, monkeypatch):
@@ -228,6 +257,7 @@ def test_a_repeat_that_is_refused_leaves_the_network(tmp_path, at_once):
         ("policy", SETTINGS["policy"] | {"learning_rate": "3e-3"}, "learning_rate: expected a num"),
         ("policy", SETTINGS["policy"] | {"dropout": 0.1}, "hyperparams: .* in policy"),
         ("doubt", -1.0, "doubt: expected"),
+        ("price", -1.0, "price: expected"),
     ],
     ids=str,
 )

@@ -22,6 +22,7 @@ STUDIES = (
     "stability",
     "accuracy",
     "doctor",
+    "overhead",
 )
 
 
@@ -49,7 +50,7 @@ def add(commands: Any) -> None:
     text = "accuracy: run one kept point again; a hash of points.csv"
     add("--point", metavar="KEY", help=text)
     add("--output", default="runs/studies", help="folder of the CSV file")
-    text = "headroom, exploits, stability, accuracy: where runs go"
+    text = "headroom, exploits, stability, accuracy, overhead: where runs go"
     completed(add("--backend", help=f"{text}: {', '.join(BACKENDS)}"), BACKENDS)
     add("--address", help="of a running cluster of Ray or Dask")
     add("--workers", type=int, help="side by side on this machine; by default one a processor")

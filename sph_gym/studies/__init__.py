@@ -13,6 +13,7 @@ from sph_gym.studies import (
     exploits,
     headroom,
     machine,
+    overhead,
     soak,
     stability,
     startup,
@@ -34,6 +35,7 @@ _STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
     "stability": stability.measure,
     "accuracy": accuracy.measure,
     "doctor": doctor.measure,
+    "overhead": overhead.measure,
 }
 # Studies that can be limited to some scenes, and the scenes that they know.
 _BY_SCENE: dict[str, Callable[[], list[str]]] = {

@@ -1,59 +1,54 @@
-"""Cost of backends: `python -m sph_gym.studies.overhead` times a sweep of runs of a second each.
+"""What a backend costs: a sweep of runs of a second each, on this machine or on a cluster.
 
 A run waits and does nothing else, so that what is above n / workers seconds is the backend's own.
 """
 
-import argparse
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from sph_gym.studies.backends import NAMES, Backend
 from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
-from sph_gym.studies.table import Row, show
+from sph_gym.studies.table import Row
 
 SECONDS = 1.0
+# Workers of a backend that isn't told how many; runs, and those of a quick study.
+WORKERS = 2
+RUNS, QUICK_RUNS = 60, 12
 
 
-def wait(number: int) -> float:
-    """Wait, and return when that was over [s]."""
+def measure(quick: bool = False, backend: Backend | None = None) -> Iterator[Row]:
+    """Yield the cost of a backend, by default of all three.
+
+    Raises ValueError for the address of a cluster: its start counts, too, so it has to be new.
+    """
+    if backend is not None and backend.address is not None:
+        raise ValueError(f"address: expected none, got {backend.address!r}")
+    for each in map(Backend, NAMES) if backend is None else (backend,):
+        yield from _sweep(each, QUICK_RUNS if quick else RUNS)
+
+
+def _wait(number: int) -> float:
     time.sleep(SECONDS)
     return time.time()
 
 
-def measure(name: str, n_jobs: int, workers: int) -> list[Row]:
-    """Return the seconds until the first results, which include the start, and from then on."""
-    case, began = f"{name}, {n_jobs} runs, {workers} workers", time.time()
+def _sweep(backend: Backend, n_runs: int) -> list[Row]:
+    """Return the time until the first results, which includes the start, and that from then on."""
+    workers = backend.workers or WORKERS
+    case, began = f"{backend.name}, {n_runs} runs, {workers} workers", time.time()
     with TemporaryDirectory() as folder:
-        jobs, keys = [(k,) for k in range(n_jobs)], list(range(n_jobs))
-        ends = sorted(
-            run_jobs(wait, jobs, keys, Results(Path(folder)), name, Backend(name, workers=workers))
-        )
+        keys, store = list(range(n_runs)), Results(Path(folder))
+        place = Backend(backend.name, workers=workers)
+        ends = sorted(run_jobs(_wait, [(k,) for k in keys], keys, store, backend.name, place))
         over = time.time()
     # the first result of each worker comes with its start
     first = ends[workers - 1]
-    ideal = SECONDS * (n_jobs - workers) / workers
+    ideal = SECONDS * (n_runs - workers) / workers
     return [
         Row("until the first results", case, first - began, "s"),
         Row("from then on", case, over - first, "s"),
         Row("more than the runs themselves", case, 100 * ((ends[-1] - first) / ideal - 1), "%"),
     ]
-
-
-def main() -> None:
-    """Measure the backends that the command line names."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--backends", nargs="+", choices=NAMES, default=NAMES)
-    parser.add_argument("--runs", type=int, default=40)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--output", type=Path, default=Path("runs/studies/overhead.csv"))
-    options = parser.parse_args()
-    rows = [
-        row for name in options.backends for row in measure(name, options.runs, options.workers)
-    ]
-    show("overhead", rows, options.output)
-
-
-if __name__ == "__main__":
-    main()

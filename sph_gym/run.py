@@ -18,7 +18,7 @@ from sph_gym.solver.checks import known, positive
 from sph_gym.solver.report import Report
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.warnings import short
-from sph_gym.trajectory import Recorder, read
+from sph_gym.trajectory import Recorder, read, recording_target
 from sph_gym.view import History, Painter, Recording, Window, write_video
 from sph_gym.view.colors import available, quantity
 from sph_gym.view.video import video_target
@@ -78,8 +78,7 @@ def run(
     shown = PictureStyle(**style)._asdict()
     # wrong words about pictures are told before anything is computed, or if there are no pictures
     quantity(shown["color"])
-    if video is not None:
-        video_target(video)
+    check_targets(video, save)
     kept = nullcontext() if save is None else Recorder(save, sim, readings.gauges)
     try:
         with readings, kept as recorder:
@@ -105,6 +104,14 @@ def run(
         print(f"warnings: {', '.join(map(short, sim.warnings))}")
     _tell_files(readings, save)
     return int(sim.last_report.diverged or readings.offender is not None)
+
+
+def check_targets(video: str | None, save: str | None) -> None:
+    """Raise what `run` raises if a film or a recording can't be written there."""
+    if video is not None:
+        video_target(video, "video")
+    if save is not None:
+        recording_target(save, "save")
 
 
 def _tell_files(readings: Readings, save: str | None) -> None:

@@ -90,17 +90,9 @@ class Recorder:
         if len(self._gauges) < len(gauges):
             names = ", ".join(gauge.name for gauge in gauges)
             raise ValueError(f"gauges: expected different names, got {names}")
-        target, self._sim, self._closed = path_of("path", path), sim, False
-        suffix = known("suffix of path", target.suffix.lower(), _WRITERS)
-        if not target.parent.is_dir():
-            raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
-        if suffix == ".pvd" and (folder := target.with_suffix("")).exists() and not folder.is_dir():
-            raise FileExistsError(
-                f"path: expected a folder or nothing at {str(folder)!r}, where the frames are to "
-                "go, got a file"
-            )
-        self._file = ExitStack()
-        self._append = self._file.enter_context(_WRITERS[suffix](target, _constants(sim)))
+        target, self._sim, self._closed = recording_target(path), sim, False
+        self._file, writer = ExitStack(), _WRITERS[target.suffix.lower()]
+        self._append = self._file.enter_context(writer(target, _constants(sim)))
 
     def record(self) -> None:
         """Append time, controls and fields as they are now; ValueError once it is closed."""
@@ -125,6 +117,20 @@ class Recorder:
         self.close()
 
 
+def recording_target(path: str | os.PathLike[str], name: str = "path") -> Path:
+    """Return the path of a recording, or raise what `Recorder` raises; name: for messages."""
+    target = path_of(name, path)
+    suffix = known(name, target.suffix.lower(), _WRITERS)
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{name}: there is no directory {str(target.parent)!r}")
+    if suffix == ".pvd" and (folder := target.with_suffix("")).exists() and not folder.is_dir():
+        raise FileExistsError(
+            f"{name}: expected a folder or nothing at {str(folder)!r}, where the frames are to "
+            "go, got a file"
+        )
+    return target
+
+
 def read(path: str | os.PathLike[str]) -> Trajectory:
     """Return what a `Recorder` wrote, up to the last complete frame.
 
@@ -132,7 +138,7 @@ def read(path: str | os.PathLike[str]) -> Trajectory:
     OSError if the file can't be opened, ImportError that names the extra to install.
     """
     path = path_of("path", path)
-    suffix = known("suffix of path", path.suffix.lower(), _READERS)
+    suffix = known("path", path.suffix.lower(), _READERS)
     if not path.exists():
         raise FileNotFoundError(f"path: there is no file {str(path)!r}")
     stored = _READERS[suffix](path)

@@ -99,11 +99,13 @@ def _add_looks(run: Parser) -> None:
 def _run(options: argparse.Namespace) -> Outcome:
     if Path(options.scene).suffix.lower() in RECORDINGS:
         return _replay(options)
-    from sph_gym.run import run
+    from sph_gym.run import check_targets, run
     from sph_gym.solver.simulation import Simulation
 
     if options.arrows and not (options.window or options.video):
         raise ValueError("--arrows: expected --window or --video beside it, got neither")
+    # before the scene is compiled
+    check_targets(options.video, options.save)
     scene = _scene(options.scene, options.set)
     steering = _steering(options, scene)
     sim = Simulation(scene, dtype=options.dtype, neighbors=options.neighbors)

@@ -50,13 +50,13 @@ def write_video(
             _write_mp4(draft, _checked(frames), fps, bitrate)
 
 
-def video_target(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a film. Raises what `write_video` raises for one that can't be written."""
+def video_target(path: str | os.PathLike[str], name: str = "path") -> Path:
+    """Return the path of a film, or raise what `write_video` raises for it; name: for messages."""
     target = Path(path)
     if target.suffix.lower() not in ENDINGS:
-        raise ValueError(f"path: expected a name ending in {' or '.join(ENDINGS)}, got {path!r}")
+        raise ValueError(f"{name}: expected a name ending in {' or '.join(ENDINGS)}, got {path!r}")
     if not target.parent.is_dir():
-        raise FileNotFoundError(f"path: there is no directory {str(target.parent)!r}")
+        raise FileNotFoundError(f"{name}: there is no directory {str(target.parent)!r}")
     return target
 
 

@@ -83,9 +83,9 @@ def run_study(
         ("peers", peers), ("chosen", chosen), ("again", again), ("backend", asked),
     ):  # fmt: skip
         if value and not _takes(name, option):
-            owners = " and ".join(other for other in _STUDIES if _takes(other, option))
-            word = "scenes" if option == "chosen" else option
-            raise ValueError(f"--{word}: only the studies {owners} have it, not {name}")
+            *owners, last = (other for other in _STUDIES if _takes(other, option))
+            word, listed = "scenes" if option == "chosen" else option, ", ".join(owners)
+            raise ValueError(f"--{word}: only the studies {listed} and {last} have it, not {name}")
         options |= {option: value} if value else {}
     rows: list[Row] = []
     stem = _stem(name, quick, chosen)

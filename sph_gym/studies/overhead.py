@@ -1,4 +1,4 @@
-"""What a backend costs: a sweep of runs of a second each, on this machine or on a cluster.
+"""Cost of backends: a sweep of runs of a second each, on this machine or on a cluster.
 
 A run waits and does nothing else, so that what is above n / workers seconds is the backend's own.
 """

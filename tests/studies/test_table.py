@@ -81,7 +81,7 @@ def test_only_one_study_has_peers(tmp_path):
 @pytest.mark.parametrize("words", [("--backend", "local"), ("--workers", "2")])
 def test_a_backend_is_refused_by_studies_that_have_none(tmp_path, capsys, words):
     assert main(["study", "soak", "--output", str(tmp_path), *words]) == 2
-    owners = "headroom and exploits and stability and accuracy"
+    owners = "headroom, exploits, stability, accuracy and overhead"
     assert f"backend: only the studies {owners} have it, not soak" in capsys.readouterr().err
 
 

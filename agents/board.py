@@ -27,14 +27,14 @@ def text(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> str:
     own = usual(only(found, runs), SPLIT)
     parts = [
         _scored(own),
-        markdown(table(found, own), 1),
+        markdown(table(found, own)),
         "Score by family:",
-        markdown(by_family(own), 1),
+        markdown(by_family(own)),
         "Work of the learners, in multiples of the tuned rule's / of that of the best static "
         "setting in hindsight, on the same flows:",
-        markdown(work(found, own), 1),
+        markdown(work(found, own)),
         "Probability [%] that the agent of the row earns more than that of the column:",
-        markdown(improvements(own), 1),
+        markdown(improvements(own)),
         "![Share of runs above each score](pictures/leaderboard_profiles.png)",
         "![Work against error](pictures/leaderboard_trades.png)",
         _behind(found),
@@ -161,9 +161,9 @@ def percent(found: Interval) -> str:
     return ranged((100 * found[0], 100 * found[1], 100 * found[2]), 0)
 
 
-def markdown(lines: pd.DataFrame, n_text: int) -> str:
-    """Return a table of text in Markdown; the columns after the first `n_text` are flush right."""
-    sides = ["left"] * n_text + ["right"] * (lines.shape[1] - n_text)
+def markdown(lines: pd.DataFrame) -> str:
+    """Return a table of text in Markdown; the columns after the first one are flush right."""
+    sides = ["left"] + ["right"] * (lines.shape[1] - 1)
     return str(lines.to_markdown(index=False, colalign=sides, disable_numparse=True))
 
 

@@ -120,7 +120,7 @@ def tables(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> dict[str, p
 def text(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> str:
     """Return the part of the page."""
     parts = [
-        f"{title}:\n\n{board.markdown(each.fillna(board.DASH), 1)}"
+        f"{title}:\n\n{board.markdown(each.fillna(board.DASH))}"
         for title, each in tables(found, runs).items()
     ]
     return "\n\n".join(parts) or "Nothing has been played out of distribution yet."

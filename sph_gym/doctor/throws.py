@@ -18,6 +18,8 @@ _GAP_ALONE, _GAP_BLOCKS = 2.5, 1.5
 _BLOCK = 5
 # Beyond the side by more than this is outside [spacings].
 OUTSIDE = 1.0
+# A particle that goes nowhere in so many steps has stopped; one that turns so often trembles.
+STOPPED, TURNS = 10, 3
 
 
 @dataclass
@@ -81,20 +83,20 @@ class Throw:
         lost = mine & self.lost
         return float(lost.sum() / max(int((mine & (free > OUTSIDE + 0.2) | lost).sum()), 1))
 
-    def stuck(self, steps: int = 10) -> NDArray[np.bool_]:
+    def stuck(self) -> NDArray[np.bool_]:
         """Return which particles (n,) have stopped at a side although their v goes on into it."""
-        way = self.towards[-1] * self.speed * steps * self.dt / self.start.dx
-        moved = np.ptp(self.depth[-steps:], axis=0)
+        way = self.towards[-1] * self.speed * STOPPED * self.dt / self.start.dx
+        moved = np.ptp(self.depth[-STOPPED:], axis=0)
         near = np.abs(self.depth[-1]) < 1.5
-        return near & (self.towards[-steps:].min(axis=0) > 0.5) & (moved < 0.2 * np.abs(way))
+        return near & (self.towards[-STOPPED:].min(axis=0) > 0.5) & (moved < 0.2 * np.abs(way))
 
-    def trembling(self, turns: int = 3) -> NDArray[np.bool_]:
-        """Return which particles (n,) turn so many times at a side, once a step.
+    def trembling(self) -> NDArray[np.bool_]:
+        """Return which particles (n,) turn `TURNS` times in a row at a side, once a step.
 
         A wall turns a particle once; boundary particles that hold one let it swing, but slowly.
         """
         turned = (self.towards[1:] * self.towards[:-1] < 0) & (np.abs(self.towards[1:]) > 0.005)
-        in_a_row = [turned[k : len(turned) - turns + 1 + k] for k in range(turns)]
+        in_a_row = [turned[k : len(turned) - TURNS + 1 + k] for k in range(TURNS)]
         return np.asarray(np.logical_and.reduce(in_a_row).any(axis=0))
 
     def jump(self) -> float:

@@ -55,11 +55,3 @@ def furnish(picture: tuple[int, int], em: int) -> Desk:
         Area(0, top, whole, timeline),
         Area(0, bottom, whole, help_),
     )
-
-
-def holds(area: Area, pixel: tuple[int, int]) -> bool:
-    """Return whether a pixel is in an area."""
-    return (
-        area.left <= pixel[0] < area.left + area.width
-        and area.top <= pixel[1] < area.top + area.height
-    )

@@ -51,6 +51,11 @@ class Area(NamedTuple):
     width: int
     height: int
 
+    def holds(self, pixel: tuple[float, float]) -> bool:
+        """Return whether a pixel is in the area."""
+        x, y = pixel[0] - self.left, pixel[1] - self.top
+        return 0 <= x < self.width and 0 <= y < self.height
+
 
 class Layout(NamedTuple):
     """Places of everything on a picture.

@@ -29,8 +29,7 @@ STRAY = 10.0
 
 def particle_at(state: Shown, layout: Layout, pixel: tuple[float, float]) -> int | None:
     """Return the index of the particle at a pixel of the picture, None if there is none."""
-    left, top, width, height = layout.domain
-    if not (left <= pixel[0] < left + width and top <= pixel[1] < top + height):
+    if not layout.domain.holds(pixel):
         return None
     with np.errstate(invalid="ignore"):
         distance = np.hypot(*(state.x - layout.metres(pixel)).T)

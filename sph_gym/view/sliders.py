@@ -8,7 +8,6 @@ from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.solver.stepping import COURANT
 from sph_gym.view.colors import ARROW, EDGE, INK, MUTED, RULE
-from sph_gym.view.desk import holds
 from sph_gym.view.layout import Area
 from sph_gym.view.overlays import UNKNOWN, seconds, significant
 from sph_gym.view.state import Shown
@@ -94,7 +93,8 @@ class ControlPanel:
         for k, slider in enumerate(self._sliders):
             left, top, width, _ = self._track(k)
             margin = round(0.7 * self._em)
-            if holds(Area(left - margin, top - margin, width + 2 * margin, 2 * margin + 1), pixel):
+            reach = Area(left - margin, top - margin, width + 2 * margin, 2 * margin + 1)
+            if reach.holds(pixel):
                 self._held = slider
                 return True
         return False

@@ -9,7 +9,7 @@ from sph_gym.files import atomic_write
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.view import colors
-from sph_gym.view.desk import furnish, holds
+from sph_gym.view.desk import furnish
 from sph_gym.view.display import Display
 from sph_gym.view.film import Film, free_path
 from sph_gym.view.frames import Painter, as_array
@@ -61,7 +61,7 @@ class Window:
         controllers: Mapping[str, Steer] | None = None,
         bounds: View | None = None,
     ) -> None:
-        self._size, self._bounds = size, bounds
+        self._size = size
         self._controllers = dict(controllers or {})
         self.source: Source
         self.picked: int | None = None
@@ -300,11 +300,11 @@ class Window:
     def _press(self, pixel: tuple[int, int]) -> None:
         if self._help or self._message:
             self._help, self._message = False, ""
-        if holds(self._desk.timeline, pixel):
+        if self._desk.timeline.holds(pixel):
             self._drag = "timeline"
         elif self._can_steer and self._sliders.press(pixel):
             self._drag = "slider"
-        elif holds(self._painter.layout.domain, pixel):
+        elif self._painter.layout.domain.holds(pixel):
             self.picked = particle_at(self.source.state, self._painter.layout, pixel)
         self._move(pixel)
 

@@ -2,7 +2,7 @@ from itertools import combinations
 
 import pytest
 
-from sph_gym.view.desk import furnish, holds
+from sph_gym.view.desk import furnish
 from sph_gym.view.layout import Area
 
 
@@ -30,7 +30,7 @@ def test_high_pictures_have_the_panels_beside_them():
 
 def test_an_area_holds_its_first_pixel_and_not_the_one_after_its_last():
     area = Area(10, 20, 5, 5)
-    assert holds(area, (10, 20))
-    assert holds(area, (14, 24))
-    assert not holds(area, (15, 24))
-    assert not holds(area, (9, 20))
+    assert area.holds((10, 20))
+    assert area.holds((14, 24))
+    assert not area.holds((15, 24))
+    assert not area.holds((9, 20))

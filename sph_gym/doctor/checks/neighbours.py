@@ -24,8 +24,8 @@ class Weights(NamedTuple):
     """Densities [kg/m^3] of one evaluation.
 
     alone: that of a particle alone; pairs: (k, 2) what the other adds, for both of each pair at the
-    k `DISTANCES`; x, rho: positions (m, 2) [m] and densities (m,) of a crowd; few: (9, 2), (9,)
-    the same of a group of nine; h: support radius [m].
+    k `DISTANCES`; x, rho: positions (m, 2) [m] and densities (m,) of a crowd; few_x, few_rho:
+    (9, 2), (9,) the same of a group of nine; h: support radius [m].
     """
 
     alone: float

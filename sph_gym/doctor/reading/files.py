@@ -24,6 +24,8 @@ from sph_gym.solver.checks import known, path_of
 from sph_gym.solver.scene import Scene
 
 ARCHIVES = (".npz", ".h5", ".hdf5")
+# How many names a message lists.
+MOST_NAMES = 8
 
 
 def open_recording(path: str | os.PathLike[str]) -> RecordedFrames:
@@ -254,6 +256,6 @@ def _groups(folder: Path) -> dict[tuple[str, str], list[Path]]:
     return {key: [files[n] for n in sorted(files)] for key, files in found.items()}
 
 
-def _some(names: list[str], most: int = 8) -> str:
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return (", ".join(names[:most]) or "nothing") + rest
+def _some(names: list[str]) -> str:
+    rest = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return (", ".join(names[:MOST_NAMES]) or "nothing") + rest

@@ -108,7 +108,7 @@ RARE = (
     "tests/studies/test_stability_checks.py::test_a_particle_behind_a_wall_is_seen[corner jet, b",
     "tests/studies/test_stability_checks.py::test_a_sample_is_compared_in_single_precision_too",
     "tests/test_command_line.py::test_every_assignment_counts_and_words_are_values",
-    "tests/test_docs.py::test_every_program_runs[docs/solver.md, When something is odd]",
+    "tests/test_docs.py::test_every_program_runs[docs/solver.md, Warnings]",
     "tests/test_fuzz.py::test_any_scene_and_controls_run_or_are_reported",
     "tests/test_trajectory.py::test_the_command_line_saves_the_start_and_every_frame",
 )  # fmt: skip

@@ -2,8 +2,8 @@
 When a run blows up
 ===================
 
-A time step that is too long ends in particles everywhere, or in NaN. The solver reports it in the
-very call in which it happens, and says where it began.
+If the time step is too long, particles fly everywhere or become NaN. The solver reports this
+blow-up in the same call in which it happens, and says where it began.
 """
 
 import matplotlib.pyplot as plt
@@ -21,8 +21,8 @@ sim.controls = sim.controls._replace(dt=sim.stable_dt())
 print("diverged:", sim.advance(0.3).diverged)
 
 # %%
-# A snapshot keeps the moment. From there, the step is doubled until the run breaks. After each try
-# the snapshot takes the simulation back, bit for bit.
+# A snapshot keeps the present state. From there, the step is doubled until the run breaks. After
+# each try the snapshot takes the simulation back, bit for bit.
 
 kept, dt = sim.snapshot(), sim.controls.dt
 for factor in (1, 2, 4, 8):
@@ -34,8 +34,8 @@ for factor in (1, 2, 4, 8):
         break
 
 # %%
-# The report names the cause, the first link of the chain where it showed, and the particle. The
-# state is the last one that is finite, so that it can be looked at.
+# The report names the cause, the step of the computation in which it first showed, and the
+# particle. The state is the last one that is finite, so that it can be looked at.
 
 i = report.bad_particle
 print(f"particle {i} at {sim.x[i].round(3)} m, {sim.rho[i]:.0f} kg/m^3, {sim.v[i].round(1)} m/s")

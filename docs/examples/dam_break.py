@@ -2,8 +2,7 @@
 A dam break and its picture
 ===========================
 
-A column of water stands at the left wall of a tank. At time 0 there is nothing that holds it any
-more.
+A column of water stands at the left wall of a tank. At time 0 it is released.
 """
 
 import matplotlib.pyplot as plt

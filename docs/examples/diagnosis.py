@@ -22,8 +22,8 @@ class Mine(Plain):
 
 
 # %%
-# A fluid that is squeezed into a block expands when it is let go. With the mistake it does so as
-# well, only more slowly. A look at the particles tells little.
+# A compressed block of fluid expands when it is released. With the mistake it also expands, only
+# more slowly. This is hard to see from the particles.
 
 dx = 0.04
 block = np.stack(np.meshgrid(*2 * [np.arange(12) * 0.9 * dx]), axis=-1).reshape(-1, 2)
@@ -39,8 +39,8 @@ axes[0].set_ylabel("y [m]")
 figure.colorbar(points, ax=axes, label="speed [m/s]", shrink=0.85)
 
 # %%
-# The doctor asks small questions in the order of the chain. It needs a function that takes a case
-# and returns the solver; the class itself will do.
+# The doctor makes small experiments in the order of the chain. It needs a function that takes a
+# case and returns the solver; here, the class itself is such a function.
 
 diagnosis = check_solver(Mine)
 print(diagnosis.counts)

@@ -32,7 +32,7 @@ scene = Scene(
 )
 
 # %%
-# `warnings` tells at once if a scene is odd: it is empty here. Input that can't be right raises a
+# `warnings` lists what may be wrong with a scene: it is empty here. Wrong input raises a
 # `ValueError`.
 
 sim = Simulation(scene)

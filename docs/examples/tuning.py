@@ -33,8 +33,8 @@ def play(controller):
 runs = {"constants": play(nominal), "tuned rule": play(TunedCfl())}
 
 # %%
-# Both runs cover the same time. The rule needs fewer steps, since water that is slow may be soft:
-# sound is slower in it, and a longer step follows it.
+# Both runs cover the same time. The rule needs fewer steps, since slow water may be soft: its
+# speed of sound is lower, which allows a longer step.
 
 figure, axes = plt.subplots(3, sharex=True, figsize=(8, 6.5), layout="constrained")
 for (label, rows), color in zip(runs.items(), ("#8a8f98", "#0072b2"), strict=True):

@@ -1,4 +1,4 @@
-"""The debugging playbook as a program, for this solver and for anybody's; see docs/playbook.md."""
+"""The doctor finds the first broken link of any SPH solver; see docs/playbook.md."""
 
 from sph_gym.doctor.case import Case
 from sph_gym.doctor.checkup import check_solver

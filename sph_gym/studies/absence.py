@@ -278,7 +278,7 @@ def instructions(lines: list[str]) -> list[str]:
 
 
 def pair_loops(lines: list[str]) -> list[list[str]]:
-    """Return every innermost loop that takes a root and a reciprocal, as forces do."""
+    """Return every innermost loop that takes a reciprocal root, in one command or two."""
     places = {found[1]: k for k, line in enumerate(lines) if (found := _LABEL.match(line))}
     spans = []
     for k, line in enumerate(lines):
@@ -289,7 +289,12 @@ def pair_loops(lines: list[str]) -> list[list[str]]:
     bodies = [instructions(lines[first : last + 1]) for first, last in inner]
     commands = [" ".join(line.split()[0] for line in body) for body in bodies]
     named = zip(bodies, commands, strict=True)
-    return [body for body, said in named if "sqrt" in said and ("rcp" in said or "div" in said)]
+    return [body for body, said in named if _takes_reciprocal_root(said)]
+
+
+def _takes_reciprocal_root(commands: str) -> bool:
+    # without viscosity, a pair's direction needs 1 / r alone
+    return "rsqrt" in commands or ("sqrt" in commands and ("rcp" in commands or "div" in commands))
 
 
 def main() -> None:

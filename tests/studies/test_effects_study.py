@@ -84,6 +84,13 @@ def test_instructions_are_counted():
         count_in("main:\n\tnop\n")
 
 
+def test_a_reciprocal_root_in_one_command_marks_a_pair_loop():
+    listing = LISTING.replace("vsqrtpd", "vrsqrt14pd").replace("vdivpd", "vmulpd")
+    assert count_in(listing) == (9, 3)
+    with pytest.raises(ValueError, match="no loop over pairs"):
+        count_in(listing.replace("vrsqrt14pd", "vmulpd"))
+
+
 # --- Replacing ------------------------------------------------------------------------------
 
 

@@ -73,7 +73,7 @@ RARE = (
     "tests/scenes/test_free_bodies.py::test_a_coarse_square_keeps_turning",
     "tests/scenes/test_free_bodies.py::test_a_small_lattice_keeps_its_energy",
     "tests/scenes/test_free_bodies.py::test_coarse_patches_lose_what_the_impact_costs",
-    "tests/scenes/test_free_bodies.py::test_energy_from_nowhere_is_the_error_of_the_lattice",
+    "tests/scenes/test_free_bodies.py::test_spurious_energy_is_the_error_of_the_lattice",
     "tests/scenes/test_lid_driven_cavity.py::test_a_coarse_run_finds_the_vortex",
     "tests/scenes/test_taylor_green.py::test_a_coarse_run_decays_as_it_should",
     "tests/scenes/test_water_jet.py::test_a_coarse_run_pushes_as_hard_as_it_should",

@@ -170,9 +170,7 @@ def test_run_tells_each_warning_once_and_all_at_the_end(capsys, monkeypatch):
         found = (Warning("start", 0.3, 0.9, 0.0, "mean distance 0.3 dx: expect a burst"),)
         if sim.time < 0.05:
             return found
-        late = Warning(
-            "energy", sim.time, 0.05, 0.05, f"{sim.time:g} of the energy is from nowhere"
-        )
+        late = Warning("energy", sim.time, 0.05, 0.05, f"{sim.time:g} of the energy is spurious")
         return (*found, late)
 
     monkeypatch.setattr(Simulation, "warnings", property(warnings))

@@ -36,7 +36,7 @@ INFO = {
     "cost": ("-", "1 where an error is beyond its tolerance or the solver blew up, else 0"),
     "energy_excess": (
         "-",
-        "energy from nowhere as a share of what is at stake, negative where friction took more",
+        "spurious energy as a share of what is at stake, negative where friction took more",
     ),
     "control_work": ("J/m", "energy that the action's change of stiffness put into the fluid"),
     "blowup": ("-", "1 if the solver blew up in this step, else 0"),

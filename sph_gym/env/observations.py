@@ -76,7 +76,7 @@ FEATURES = (
     Feature("kinetic_rate", -1, 1, "tanh(10 x change of v_rms^2 in the last step / U^2)"),
     Feature("sinking", -1, 1, "tanh(4 x vertical velocity of the centre of mass / U)"),
     Feature("height", 0, 1, "s(height of the centre of mass above the lowest particle / size)"),
-    Feature("energy_excess", -1, 1, "tanh(energy from nowhere / energy at stake)"),
+    Feature("energy_excess", -1, 1, "tanh(spurious energy / energy at stake)"),
     Feature("surface", 0, 1, "share of particles below 0.9 rho0"),
     Feature("free_fall", 0, 1, "share of particles with |a - g| < 0.1 g (0 without gravity)"),
     Feature("noise", 0, 1, "s(mean squared velocity noise / (0.01 U^2))"),

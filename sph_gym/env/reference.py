@@ -45,7 +45,7 @@ NOMINAL_XSPH = 0.3
 # particles off by 1 % of dx.
 TWIN_SOUND = 0.7
 TWIN_JITTER = 0.01
-# A fine run with more energy from nowhere, as a share of what is at stake, boils. Of a hundred
+# A fine run with more spurious energy, as a share of what is at stake, boils. Of a hundred
 # flows of the environments, the worst had 0.1, in "relaxation/ood", and all others 0.01 at most.
 MOST_EXCESS = 0.2
 # Frames over which the drift away from the reference is taken; an error over the whole past would
@@ -103,7 +103,7 @@ def reference(scene: Scene, instance_id: str | None = None) -> ReferenceRun:
     """Return the reference of a scene: shipped, from memory, from disk, or computed (a second).
 
     instance_id: under which a manifest may have it. Raises UnusableScene if the scene isn't stable
-    at its own nominal stiffness, or makes more than MOST_EXCESS of its energy from nowhere.
+    at its own nominal stiffness, or if more than MOST_EXCESS of its energy is spurious.
     """
     shipped = None if instance_id is None else _shipped(scene, instance_id)
     if shipped is not None:
@@ -254,7 +254,7 @@ def run(
     *_, clumping, _, excess = _measure(sim)
     raise UnusableScene(
         f"{scene.name}: the reference run blew up at t = {sim.time:g} s ({report.cause}), with "
-        f"{excess:.0%} of the energy at stake from nowhere and {clumping:.0%} of the particles "
+        f"{excess:.0%} of the energy at stake spurious and {clumping:.0%} of the particles "
         "closer than 0.6 dx; the scene isn't stable at its own nominal stiffness"
     )
 
@@ -264,7 +264,7 @@ def _demand_little_excess(scene: Scene, table: Floats, most: float) -> None:
     if excess > most:
         raise UnusableScene(
             f"{scene.name}: the reference run blew up its energy: {excess:.0%} of what is at stake "
-            f"came from nowhere (expected at most {most:.0%}), and up to {clumping:.0%} of its "
+            f"is spurious (expected at most {most:.0%}), and up to {clumping:.0%} of its "
             "particles were closer than 0.6 dx, so nothing can be measured by it; a matched kernel "
             "such as 'wendland_c2', more viscosity, or a start without overlaps helps"
         )

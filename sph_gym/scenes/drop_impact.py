@@ -127,7 +127,7 @@ def chart(run: Run) -> Chart:
     return Chart("time [s]", "height of the drop's centre [m]", [parabola, simulated])
 
 
-SOURCE = "free fall: y = y0 - g t^2 / 2; no energy from nowhere"
+SOURCE = "free fall: y = y0 - g t^2 / 2; no spurious energy"
 RESOLUTIONS = ({"dx": 0.02}, {"dx": 0.01})
 REFERENCE = Reference(SOURCE, "% of the way to the pool", error, observe, judge, chart, RESOLUTIONS)
 

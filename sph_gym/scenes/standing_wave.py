@@ -112,7 +112,7 @@ def judge(run: Run) -> list[Measure]:
         Measure("frequency", 100 * abs(found / omega(scene) - 1), "%", 2.0 if fine else None),
         Measure("decay of the amplitude in a period", 100 * died, "%"),
         Measure("level in the first period, RMS", level, "% of its start", 7.0 if fine else None),
-        Measure("energy from nowhere", run.series("excess").max(), "of what is at stake", 1e-3),
+        Measure("spurious energy", run.series("excess").max(), "of what is at stake", 1e-3),
     ]
 
 

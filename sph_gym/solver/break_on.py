@@ -65,8 +65,8 @@ class BreakOn:
 
     def describe(self, offender: Offender) -> list[str]:
         """Return lines about the offender and its neighbours within the support, walls too."""
-        sim, walls = self._sim, self._sim.scene.walls
-        ends = (None, None) if walls is None else (walls.period_x, walls.period_y)
+        sim = self._sim
+        ends = sim.scene.periods
         periods = [math.inf if each is None else each[1] - each[0] for each in ends]
         state = State(*(np.asarray(each, float) for each in (sim.x, sim.v, sim.rho, sim.p, sim.a)))
         lines = [f"break: t = {sim.time:.6g} s, {offender}"]

@@ -1,4 +1,4 @@
-"""Checks at the door: every complaint names the argument, what it was and what was expected."""
+"""Checks of arguments: every message names the argument, what it was and what was expected."""
 
 import math
 from collections.abc import Iterable

@@ -11,14 +11,13 @@ To add an effect: a section here, its field in `Effects` at the end of this file
 forces.py, and its twin in tests/naive.py. See docs/architecture.md.
 """
 
-import warnings
-from dataclasses import InitVar, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.solver.checks import finite_array, known
+from sph_gym.solver.checks import finite_array
 from sph_gym.solver.gravity import AnyGravity, Gravity
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import (
@@ -39,9 +38,6 @@ from sph_gym.solver.surface import (
     inverse_weight,
     layer_viscosity,
 )
-
-# Words that `viscosity_form` still takes; both mean the one laminar viscosity.
-VISCOSITY_FORMS = ("laplacian", "morris")
 
 # --- Pressure -------------------------------------------------------------------------------
 
@@ -446,12 +442,11 @@ class Effects:
 
     gravity: (gx, gy) [m/s^2], or one of the kinds in gravity.py; artificial_viscosity: alpha;
     laminar_viscosity: nu [m^2/s]; surface_tension: sigma [N/m]; quadratic_viscosity: beta;
-    tensile_correction, density_diffusion and shifting: without a unit; viscosity_form: deprecated,
-    without a meaning since there is one laminar viscosity. docs/solver.md has their terms and
-    sources.
+    tensile_correction, density_diffusion and shifting: without a unit. docs/solver.md has their
+    terms and sources.
 
-    Raises ValueError for values that aren't finite, for negative ones, for a density diffusion
-    without continuity, and for an unknown form of viscosity.
+    Raises ValueError for values that aren't finite, for negative ones, and for a density
+    diffusion without continuity.
     """
 
     gravity: AnyGravity | tuple[float, float] | None = None
@@ -460,26 +455,17 @@ class Effects:
     laminar_viscosity: float | None = None
     surface_tension: float | None = None
     quadratic_viscosity: float | None = None
-    viscosity_form: InitVar[str | None] = None
     tensile_correction: float | None = None
     continuity: bool = False
     density_diffusion: float | None = None
     shifting: float | None = None
 
-    def __post_init__(self, viscosity_form: str | None) -> None:
+    def __post_init__(self) -> None:
         if self.gravity is not None and not isinstance(self.gravity, AnyGravity):
             vector = finite_array("effects.gravity", self.gravity, (2,))
             object.__setattr__(self, "gravity", Gravity(float(vector[0]), float(vector[1])))
         for each in EFFECTS:
             each.check(self)
-        if viscosity_form is not None:
-            known("effects.viscosity_form", viscosity_form, VISCOSITY_FORMS)
-            warnings.warn(
-                "effects.viscosity_form has no meaning any more: both forms are the one calibrated "
-                "laminar viscosity; leave it out",
-                DeprecationWarning,
-                stacklevel=3,
-            )
 
     @property
     def field(self) -> AnyGravity | None:

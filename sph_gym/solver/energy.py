@@ -1,4 +1,4 @@
-"""The energy ledger: how much energy a run may hold, and how much of it came from nowhere."""
+"""The energy ledger: how much energy a run may hold, and how much of it is spurious."""
 
 import math
 from typing import Any
@@ -21,7 +21,7 @@ class Ledger:
     for that as long as it is clamped or damped.
 
     A burst may fly apart before it gets there. So it counts as well when more than `HALF` of the
-    energy at stake is from nowhere, `SUDDEN` of it from the last chunk alone, which is at most a
+    energy at stake is spurious, `SUDDEN` of it from the last chunk alone, which is at most a
     frame. Measured in the study `stability`: of the runs of its maps, 576 came to more than half,
     all with 0.4 or more at once, and without this rule 9 of them were never reported; the other
     523 meet no part of it. Of its cases at the stable step, one comes to 0.36, and one to more: a
@@ -63,7 +63,7 @@ class Ledger:
         return self.at_stake + self.deepest
 
     def surplus(self, totals: Totals) -> float:
-        """Return the energy that came from nowhere [J/m], negative where friction took more."""
+        """Return the spurious energy [J/m], negative where friction took more."""
         held = totals.kinetic + totals.internal
         return held - self.expected - self.gravity_work
 

@@ -120,9 +120,8 @@ def _floors(across: Floats, height: Floats, dx: float) -> Floats:
 
 def _path(before: dict[str, Any], after: dict[str, Any], scene: Scene) -> float:
     """Return the longest way [m] of a particle between two states of an engine."""
-    walls, longest = scene.walls, 0.0
-    periods = (None, None) if walls is None else (walls.period_x, walls.period_y)
-    for name, ends in zip("xy", periods, strict=True):
+    longest = 0.0
+    for name, ends in zip("xy", scene.periods, strict=True):
         way = after[name][np.argsort(after["id"])] - before[name][np.argsort(before["id"])]
         if ends is not None:
             way -= (ends[1] - ends[0]) * np.rint(way / (ends[1] - ends[0]))

@@ -192,10 +192,8 @@ def _with_hydro(diffusion, effects, hydro_x, hydro_y):
 
 
 def _constants(scene: Scene, kernel: Any, mass: float, number: Any, brute: bool) -> Constants:
-    walls = scene.walls
-    periods = (None, None) if walls is None else (walls.period_x, walls.period_y)
     # so narrow that no particle is within h of a group and of its image
-    rooms = [0.9 * (ends[1] - ends[0] - 2 * scene.h) for ends in periods if ends is not None]
+    rooms = [0.9 * (ends[1] - ends[0] - 2 * scene.h) for ends in scene.periods if ends is not None]
     return Constants(
         number(scene.h),
         number(np.inf if brute else ROUNDING * scene.h**2),
@@ -203,7 +201,7 @@ def _constants(scene: Scene, kernel: Any, mass: float, number: Any, brute: bool)
         number(mass * kernel.weight_scale),
         number(mass * kernel.gradient_scale),
         number(np.inf if brute else min([WIDEST_GROUP * scene.h, *rooms])),
-        *(make_period(ends, number) for ends in periods),
+        *(make_period(ends, number) for ends in scene.periods),
     )
 
 

@@ -14,7 +14,7 @@ class Report(NamedTuple):
 
     n_substeps: steps taken (the one that failed included); dt: their length [s]; diverged: x, v,
     rho or p no longer finite, a speed above 5000 m/s, a particle inside of boundary particles or
-    between those of a thin wall (`tunnelling`), or more energy from nowhere, or more of it at
+    between those of a thin wall (`tunnelling`), or more spurious energy, or more of it at
     once, than the ledger tolerates (`energy.Ledger`); cause: "" | "cfl" | "stiffness" |
     "clumping" | "tunnelling" | "energy" | "nan"; link: the link of the chain where it first
     showed, "" | "neighbours" | "density" | "pressure" | "force" | "integration" | "walls";

@@ -51,8 +51,7 @@ def positions(sim: "Simulation") -> tuple[Array, Array]:
 def offsets(sim: "Simulation", points: Array, x: Array, axis: int) -> Array:
     """Return coordinates (m, n) [m] of points, seen from x, through periodic ends."""
     d: Array = points[:, None] - x
-    walls = sim.scene.walls
-    ends = None if walls is None else (walls.period_x, walls.period_y)[axis]
+    ends = sim.scene.periods[axis]
     if ends is None:
         return d
     period: Any = make_period(ends, np.float64)

@@ -1,4 +1,4 @@
-"""Scenes: fluid, effects and geometry, checked once, in Python, at the door."""
+"""Scenes: fluid, effects and geometry, checked once, in Python, when they are made."""
 
 import math
 from collections.abc import Mapping
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sph_gym.solver.checks import finite_array, in_range, known, positive
-from sph_gym.solver.door import check_places
 from sph_gym.solver.effects import Effects
 from sph_gym.solver.gravity import AnyGravity
+from sph_gym.solver.initial_checks import check_places
 from sph_gym.solver.integrators import INTEGRATORS, VISCOUS_SHARES
 from sph_gym.solver.kernels import ALL_KERNELS, viscous_share
 from sph_gym.solver.neighbors import NARROWEST_DOMAIN
@@ -194,6 +194,11 @@ class Scene:
         found = from_plain("scene", parts, {kind.__name__: kind for kind in kinds})
         assert isinstance(found, cls)
         return found
+
+    @property
+    def periods(self) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+        """The ends [m] at which space closes upon itself along x and y; None: it does not."""
+        return (None, None) if self.walls is None else (self.walls.period_x, self.walls.period_y)
 
     @property
     def viscous_share(self) -> float:

@@ -135,7 +135,7 @@ class Simulation:
 
     @property
     def energy_surplus(self) -> float:
-        """Energy [J/m] from nowhere so far; friction takes from it, so it may well be negative."""
+        """Spurious energy [J/m] so far; friction takes from it, so it may well be negative."""
         return self._ledger.surplus(self._totals)
 
     @property
@@ -404,8 +404,8 @@ class Simulation:
         particles below 0.9 rho0; clumping: share of particles with another one closer than
         0.6 dx; min_spacing: smallest distance / dx (inf for a lonely particle or none within h);
         median_spacing: median distance to the nearest neighbour / dx; mean_neighbors;
-        kinetic_energy, potential_energy, internal_energy [J/m]; energy_excess: energy from
-        nowhere as a share of what is at stake; com_x, com_y: centre of mass [m]; extent_x,
+        kinetic_energy, potential_energy, internal_energy [J/m]; energy_excess: spurious
+        energy as a share of what is at stake; com_x, com_y: centre of mass [m]; extent_x,
         extent_y: standard deviations of x and y [m]; lowest: smallest y [m]; front: largest x
         [m]; adrift: share of particles with |a - g| < 0.1 g, 0 without gravity; momentum_x,
         momentum_y [kg/s]; angular_momentum [kg m/s]; max_speed [m/s]; velocity_noise: mean of

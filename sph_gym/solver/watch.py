@@ -7,15 +7,15 @@ import numpy as np
 
 from sph_gym.solver.container import lowest_fill
 from sph_gym.solver.diagnostics import CLUMPED, Totals
-from sph_gym.solver.door import is_narrow, oddities
 from sph_gym.solver.engine import Engine
+from sph_gym.solver.initial_checks import anomalies, is_narrow
 from sph_gym.solver.jit import jit
 from sph_gym.solver.kernels import MATCHED
 from sph_gym.solver.neighbors import fluid_range, group_size, neighbor
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.warnings import KINDS, Warning
 
-# Less energy from nowhere than that of all the fluid at this share of c0 is no matter.
+# Less spurious energy than that of all the fluid at this share of c0 is no matter.
 QUIET = 2e-3
 # Slower than this share of c0, fluid is at rest; if its median density [rho0] is below the second
 # number then, it has swollen.
@@ -35,13 +35,13 @@ WIDER = "a support of h = {0:.3g} dx is too narrow to keep it, h = 2.6 dx or mor
 LOOK_EVERY, LEVEL_AFTER = 500, 5_000_000
 
 
-# Largest share of energy from nowhere.
+# Largest share of spurious energy.
 ODD_ENERGY = 0.05
 # Largest Mach number of a weakly compressible fluid, but for this share of the particles.
 FAST, FEW = 0.3, 0.01
 
 
-class Oddity(NamedTuple):
+class Anomaly(NamedTuple):
     """Something that may happen to a simulation.
 
     kind: of its warning; limit: what is more is odd; text: of the message, with {0} for the
@@ -53,45 +53,45 @@ class Oddity(NamedTuple):
     text: str
 
 
-ODDITIES = {
-    "energy": Oddity(
+ANOMALIES = {
+    "energy": Anomaly(
         "energy",
         ODD_ENERGY,
-        "{0:.0%} of the energy at stake came from nowhere; a matched kernel (wendland_c2), more "
+        "{0:.0%} of the energy at stake is spurious; a matched kernel (wendland_c2), more "
         "viscosity or a shorter dt keep it down",
     ),
-    "clumping": Oddity(
+    "clumping": Anomaly(
         "clumping",
         0.6,
         "{0:.0%} of the particles are closer than 0.6 dx to another one, which makes densities "
         "wrong; a matched kernel (wendland_c2), clamp=True or tensile_correction keep them apart",
     ),
-    "loss": Oddity(
+    "loss": Anomaly(
         "volume",
         0.05,
         "the fluid lost {0:.0%} of its level; boundary particles before the box, a matched kernel "
         "(wendland_c2) or a larger c0 keep its volume",
     ),
-    "swelling": Oddity(
+    "swelling": Anomaly(
         "volume",
         0.05,
         "the fluid at rest has swollen by {0:.0%}; a matched kernel (wendland_c2) keeps its "
         "volume, shifting at a free surface doesn't",
     ),
-    "mach": Oddity(
+    "mach": Anomaly(
         "mach",
         FAST,
         "the fluid came to Mach {0:.2f}, beyond which the fluid isn't weakly "
         "compressible; c0 = sound_speed(v_max) or a larger stiffness keeps it at 0.1",
     ),
-    "walls": Oddity(
+    "walls": Anomaly(
         "walls",
         0.0,
         "{0:.0f} x fluid got between boundary particles; walls of h / dx layers, a box or plates "
         "at their face, or a shorter dt hold it",
     ),
 }
-# Where walls move, their work counts as energy from nowhere.
+# Where walls move, their work counts as spurious energy.
 DRIVEN = 0.5
 
 
@@ -122,12 +122,11 @@ class Watch:
         self._scene, self._ratio = scene, np.array(ratio, np.float64)
         walls, fluid_mass = scene.walls, mass * len(self._ratio)
         driven = walls is not None and walls.top_speed > 0
-        self._energy = DRIVEN if driven else ODDITIES["energy"].limit
+        self._energy = DRIVEN if driven else ANOMALIES["energy"].limit
         self._quiet, self._rest = (
             0.5 * fluid_mass * (share * scene.fluid.c0) ** 2 for share in (QUIET, REST)
         )
-        periods = (None, None) if walls is None else (walls.period_x, walls.period_y)
-        widths = (math.inf if ends is None else ends[1] - ends[0] for ends in periods)
+        widths = (math.inf if ends is None else ends[1] - ends[0] for ends in scene.periods)
         self._search = ClumpSearch((CLUMPED * scene.dx) ** 2, *widths)
         self._container: Any = ()
         self._start: Any = ()
@@ -140,7 +139,7 @@ class Watch:
             self._start = self._at_the_door()
         worst = {"start": self._start}
         for name, (value, since) in self._found.items():
-            kind, limit, text = ODDITIES[name]
+            kind, limit, text = ANOMALIES[name]
             limit = self._energy if kind == "energy" else limit
             held = worst.get(kind)
             if held is None or value > held.value:
@@ -155,7 +154,7 @@ class Watch:
         return message
 
     def _at_the_door(self) -> Warning | None:
-        odd = [*oddities(self._scene, self._ratio), *self._tank_at_rest()]
+        odd = [*anomalies(self._scene, self._ratio), *self._tank_at_rest()]
         text = "; ".join(sentence for *_, sentence in odd)
         return Warning("start", *odd[0][:2], 0.0, text) if odd else None
 
@@ -183,7 +182,7 @@ class Watch:
         self._found[name] = max(worst, float(value)), since
 
     def look_at_energy(self, surplus: float, stake: float, time: float) -> None:
-        """Look at the energy from nowhere and at stake [J/m], at a time [s]."""
+        """Look at the spurious energy and at stake [J/m], at a time [s]."""
         if surplus > self._energy * stake and surplus > self._quiet:
             self._note("energy", surplus / stake, time)
 
@@ -204,7 +203,7 @@ class Watch:
         """Look at the share of clumped particles."""
         fluid, lists = engine.fluid, engine.world.cells.lists
         share = count_near(fluid.x, fluid.y, lists, engine.n, self._search) / engine.n
-        if share > ODDITIES["clumping"].limit:
+        if share > ANOMALIES["clumping"].limit:
             self._note("clumping", share, time)
 
     def look_at_level(self, engine: Engine, totals: Totals, shift: Any, time: float) -> None:
@@ -221,9 +220,9 @@ class Watch:
         # a map of cells is off by one beside plates
         plates = self._scene.walls is not None and self._scene.walls.plates is not None
         slack = (LEVEL + plates) * self._scene.dx / (lowest - floor)
-        if -change - slack > ODDITIES["loss"].limit:
+        if -change - slack > ANOMALIES["loss"].limit:
             self._note("loss", -change, time)
-        elif change - slack > ODDITIES["swelling"].limit and totals.kinetic < self._rest:
+        elif change - slack > ANOMALIES["swelling"].limit and totals.kinetic < self._rest:
             rho = np.median(engine.fluid.rho[: engine.n])
             if rho < THIN * self._scene.fluid.rho0:
                 self._note("swelling", change, time)
@@ -238,11 +237,11 @@ class Watch:
 
     def state(self) -> list[float]:
         """Return measure and time [s] of all that was found, for a snapshot; -1 where nothing."""
-        return [each for name in ODDITIES for each in self._found.get(name, (-1.0, -1.0))]
+        return [each for name in ANOMALIES for each in self._found.get(name, (-1.0, -1.0))]
 
     def set_state(self, numbers: list[float]) -> None:
         """Take back the numbers that `state` gave."""
-        pairs = zip(ODDITIES, numbers[::2], numbers[1::2], strict=True)
+        pairs = zip(ANOMALIES, numbers[::2], numbers[1::2], strict=True)
         self._found = {name: (value, since) for name, value, since in pairs if value >= 0}
 
 

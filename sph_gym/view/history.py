@@ -26,7 +26,7 @@ SUBSTEPS = 100
 MEASURES = {
     "density_error": ("mean density error", 100.0, "%"),
     "max_speed": ("largest speed", 1.0, "m/s"),
-    "energy_excess": ("energy from nowhere", 100.0, "%"),
+    "energy_excess": ("spurious energy", 100.0, "%"),
     "clumping": ("clumped particles", 100.0, "%"),
 }
 

@@ -197,7 +197,7 @@ def test_what_is_a_rounding_beyond_the_bounds_is_cut_off_in_vectors_too():
         ours.step(np.full((2, 3), 1.001, np.float32))
 
 
-def test_the_energy_from_nowhere_is_told():
+def test_the_spurious_energy_is_reported():
     envs = vector(n=2)
     _, info = envs.reset(seed=0)
     assert info["energy_excess"].tolist() == [0.0, 0.0]

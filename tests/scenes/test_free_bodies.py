@@ -107,7 +107,7 @@ def test_energy_may_go_from_motion_to_sound():
         assert total.value == pytest.approx(share, abs=1e-9)
 
 
-def test_kinetic_energy_from_nowhere_counts_as_much_as_what_is_lost():
+def test_spurious_kinetic_energy_counts_as_much_as_what_is_lost():
     scene = rotating_square(dx=0.1)
     before, after = as_it_began(scene), planted(scene, math.sqrt(1.5) * np.asarray(scene.v))
     seen = [free_bodies.conserved(before), free_bodies.conserved(after)]
@@ -278,7 +278,7 @@ def test_the_noise_is_that_of_the_seed():
     assert off.std() == pytest.approx(1e-3 * 0.025, rel=0.05)
 
 
-def test_energy_from_nowhere_is_the_error_of_the_lattice():
+def test_spurious_energy_is_the_error_of_the_lattice():
     scene = perturbed_lattice(dx=1 / 12)
     sim = Simulation(scene, threads=1)
     assert pl.scale(sim) == pytest.approx(1000.0 * 10.0**2, rel=0.01)

@@ -226,7 +226,7 @@ def test_neighbors_are_counted_through_the_ends_of_a_domain():
 
 @uncompiled
 def test_a_lid_may_set_a_fluid_in_motion():
-    """What walls that slide bring in is no energy from nowhere."""
+    """What walls that slide bring in is not spurious energy."""
     x = lattice(0.0, SIDE, 0.0, SIDE, DX)
     walls = extrapolated(velocity=(3.0, 0.0))
     sim = Simulation(cloud(x=x, v=None, effects=Effects(laminar_viscosity=0.05), walls=walls))

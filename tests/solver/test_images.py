@@ -176,7 +176,7 @@ def tank(h_over_dx=3.0, kernel="wendland_c2", walls=BARE, width=0.3, depth=DEPTH
 
 def at_rest(scene, seconds=5.0):
     """Return the level [shares of the depth], and of m g H the largest kinetic energy of the last
-    half second and the largest energy from nowhere.
+    half second and the largest spurious energy.
     """
     sim = Simulation(scene, threads=1)
     stake = sim.mass * sim.n_fluid * G * DEPTH

@@ -229,7 +229,7 @@ def test_an_overlapping_cloud_may_fly_apart(configuration):
     assert fastest > 13 * C0
 
 
-def test_stiffening_is_no_energy_from_nowhere():
+def test_stiffening_is_no_spurious_energy():
     sim = simulation("everything", "jittered", speed=0.0)
     sim.controls = sim.controls._replace(dt=2e-5)
     for factor in (1.0, 10.0, 1.0, 30.0, 0.1):

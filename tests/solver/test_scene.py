@@ -74,7 +74,6 @@ STRENGTHS = [value for value in NOT_FROM_ZERO if value is not None]
     ("tensile_correction", STRENGTHS),
     ("density_diffusion", [*STRENGTHS, 0.1]),  # by sums, no density diffuses
     ("shifting", STRENGTHS),
-    ("viscosity_form", ["mueller", "", 3, ["morris"]]),
     ("continuity", [1, None, "yes", 0.0]),
     ("gravity", [9.81, (9.81,), (0, 0, -9.81), (0, math.nan), (math.inf, 0), "down", ("a", "b")]),
     ("xsph", [0.3, 1, None, "yes"]),

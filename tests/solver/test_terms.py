@@ -366,14 +366,6 @@ def test_laminar_viscosity_is_exact_for_a_parabola_on_the_rest_lattice(kernel, h
     assert sim.a[n * n // 2 + n // 2] == pytest.approx([6.0 * nu, 0.0], rel=1e-9, abs=1e-9)
 
 
-def test_the_forms_of_viscosity_are_deprecated():
-    for form in ("laplacian", "morris"):
-        with pytest.warns(DeprecationWarning, match="viscosity_form has no meaning"):
-            named = Effects(laminar_viscosity=0.02, viscosity_form=form)
-        assert named == Effects(laminar_viscosity=0.02)
-        assert replace(named, xsph=True).xsph  # without another warning
-
-
 def growth(scene, rho=None):
     """d rho/dt [kg/(m^3 s)] of the fluid, whose density may be given."""
     sim = Simulation(scene)

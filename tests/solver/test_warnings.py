@@ -24,11 +24,11 @@ from sph_gym import (
 )
 from sph_gym.env import contexts
 from sph_gym.solver.container import lowest_fill
-from sph_gym.solver.door import NARROW, oddities
+from sph_gym.solver.initial_checks import NARROW, anomalies
 from sph_gym.solver.kernels import rest_lattice
 from sph_gym.solver.thickness import close_pairs, layer_share, measure, needed_layers
 from sph_gym.solver.warnings import KINDS
-from sph_gym.solver.watch import ODDITIES, Watch
+from sph_gym.solver.watch import ANOMALIES, Watch
 from tests.cases import BOX, DX, STILL, TANK, UNCOMPILED, WIDTH, scene, simulation
 
 WATER = Fluid(c0=10.0)
@@ -55,8 +55,8 @@ def of_kind(sim, kind):
 
 
 def odd(scene):
-    """Return the oddities of walls and places, at rest density."""
-    return [text for *_, text in oddities(scene, np.ones(len(scene.x)))]
+    """Return the anomalies of walls and places, at rest density."""
+    return [text for *_, text in anomalies(scene, np.ones(len(scene.x)))]
 
 
 # --- Refused --------------------------------------------------------------------------------
@@ -295,7 +295,7 @@ def test_a_calm_flow_has_no_warnings():
     assert sim.warnings == ()
 
 
-def test_energy_from_nowhere_is_told_in_the_frame_in_which_it_appears():
+def test_spurious_energy_is_reported_in_the_frame_in_which_it_appears():
     # the article's kernels are no pair, and nothing damps them here
     sim = simulation("none", "overlapping", speed=0.0)
     sim.controls = sim.controls._replace(dt=0.5 * sim.stable_dt())
@@ -331,7 +331,7 @@ def test_fast_fluid_is_told_but_not_a_stray():
 def test_clumped_particles_are_counted_as_the_diagnostics_count_them(configuration):
     sim = simulation(configuration, "disordered")
     share = sim.diagnostics()["clumping"]
-    assert share > ODDITIES["clumping"].limit
+    assert share > ANOMALIES["clumping"].limit
     assert of_kind(sim, "clumping").value == share
 
 

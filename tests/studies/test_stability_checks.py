@@ -50,10 +50,10 @@ def failing(case, **changes):
         ({"density": 0.03}, "mean compression, second half"),
         ({"gain": 0.11}, "mean compression beyond the start's"),
         ({"p99": 0.05}, "99th percentile of compression, second half"),
-        ({"excess": 0.03}, "energy from nowhere"),
-        ({"rise": 0.03}, "rise of energy from nowhere"),
+        ({"excess": 0.03}, "spurious energy"),
+        ({"rise": 0.03}, "rise of spurious energy"),
         ({"happened": 0.5}, "mean change of velocity"),
-        ({"drift": 1e-13}, "momentum from nowhere"),
+        ({"drift": 1e-13}, "spurious momentum"),
         ({"lowest": 0.99}, "least density"),
         *(
             ({check.name: math.nan}, check.title)
@@ -61,7 +61,7 @@ def failing(case, **changes):
             if not check.optional and check.name not in ("happened", "held")
         ),
         ({"happened": math.nan}, "mean change of velocity"),
-        ({"drift": math.nan}, "momentum from nowhere"),
+        ({"drift": math.nan}, "spurious momentum"),
     ],
 )
 def test_a_bound_that_is_missed_fails(changes, quantity):
@@ -93,7 +93,7 @@ def test_a_bound_that_is_missed_fails(changes, quantity):
         ("h/dx = 2", {"clumping": 0.2}, "closer than 0.6 dx, second half"),
         # above the stable step
         ("dt x 4", {"silent": 1}, "frames that failed in silence"),
-        ("dt x 4", {"excess": 0.1}, "energy from nowhere"),
+        ("dt x 4", {"excess": 0.1}, "spurious energy"),
         ("dt x 4", {"density": 0.5}, "mean compression, second half"),
     ],
 )
@@ -184,7 +184,7 @@ def with_kinetic(sim, kinetic):
     sim.restore(snapshot | {"totals": tuple(totals)})
 
 
-def test_friction_does_not_hide_energy_from_nowhere():
+def test_friction_does_not_hide_spurious_energy():
     run = CaseRun(CASES["colliding patches"], AS_IT_IS, quick=True)
     sim, stake = run.sim, run.sim.energy_at_stake
     held = sim.diagnostics()["kinetic_energy"] - sim.energy_surplus
@@ -228,7 +228,7 @@ def test_a_blow_up_without_its_story_is_silence(story):
     assert not checks.is_silent(sim, Report(1, 0.1, True, "cfl", "force", 0))
 
 
-def test_energy_from_nowhere_that_is_not_reported_is_silence():
+def test_spurious_energy_that_is_not_reported_is_silence():
     sim = start()
     with_kinetic(sim, 1e9)
     assert checks.is_silent(sim, Report(1, 0.1))

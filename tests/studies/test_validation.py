@@ -222,7 +222,7 @@ def test_a_run_to_a_blow_up_names_time_and_cause(planted):
 
 
 def test_a_warning_is_a_row_that_fails(planted, tmp_path, monkeypatch):
-    told = Warning("energy", 0.39, 0.05, 0.1, "39 % of the energy at stake came from nowhere")
+    told = Warning("energy", 0.39, 0.05, 0.1, "39 % of the energy at stake is spurious")
     monkeypatch.setattr(Simulation, "warnings", (told,))
     found = [row for row in rows(tmp_path) if row.quantity == "warning: energy"]
     assert [(row.value, row.bound, row.holds) for row in found] == [(0.39, 0.05, False)] * 2

@@ -211,7 +211,7 @@ def test_a_warning_is_shown_in_the_corner(monkeypatch):
     painter = Painter(sim.scene)
     monkeypatch.setattr(Simulation, "warnings", ())
     calm = painter.paint(sim)
-    told = Warning("energy", 0.39, 0.05, 0.1, "39 % of the energy at stake came from nowhere")
+    told = Warning("energy", 0.39, 0.05, 0.1, "39 % of the energy at stake is spurious")
     monkeypatch.setattr(Simulation, "warnings", (told,) * 20)
     alarmed = painter.paint(sim)
     changed = np.argwhere((calm != alarmed).any(axis=2))

@@ -48,12 +48,12 @@ def observe(sim: Simulation) -> dict[str, Any]:
 
 
 def judge(run: Run) -> list[Measure]:
-    """Judge compression, energy from nowhere and leaks, none of which may occur in any tank."""
+    """Judge compression, spurious energy and leaks, none of which may occur in any tank."""
     density, excess, farthest = (
         float(run.series(name).max()) for name in ("density", "excess", "outside")
     )
     return [
         Measure("largest mean density error", 100 * density, "%", 1.0),
-        Measure("energy from nowhere", excess, "of what is at stake", 0.01),
+        Measure("spurious energy", excess, "of what is at stake", 0.01),
         Measure("farthest particle outside the tank", farthest, "m", 0.0),
     ]

@@ -24,7 +24,7 @@ CAUSES = {
 COLOURS = [*CALM.values(), *(colour for colour, _ in CAUSES.values())]
 LABELS = [*CALM, *(f"{letter}: blow-up, {cause}" for cause, (_, letter) in CAUSES.items())]
 LABELS[-1] = (
-    f"{CAUSES[UNREPORTED][1]}: more than {EXCESS:g} of the energy at stake from nowhere,\n"
+    f"{CAUSES[UNREPORTED][1]}: more than {EXCESS:g} of the energy at stake is spurious,\n"
     "    which the solver never reported"
 )
 # Styles of the article's limits.

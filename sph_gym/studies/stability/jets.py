@@ -60,7 +60,7 @@ def strays(dx: float) -> Scene:
 
     At half the speed of sound: two that meet head-on come closer by 0.4 h in a stable step. At
     Mach 2 it would be 1.6 h, and a particle that is in the middle of another by then flies apart
-    with up to 0.6 of the energy at stake, from nowhere, by the article's kernels.
+    with spurious energy of up to 0.6 of what is at stake, by the article's kernels.
     """
     angles = np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
     x = np.stack([0.1 * np.cos(angles), 0.4 + 0.1 * np.sin(angles)], axis=-1)

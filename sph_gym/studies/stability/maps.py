@@ -20,7 +20,7 @@ from sph_gym.studies.table import Row
 
 # Mean compression that a run is judged by, as the environments do.
 TOLERANCE = 0.01
-# Energy from nowhere, as a share of what is at stake, beyond which a run counts as blown up; it is
+# Spurious energy, as a share of what is at stake, beyond which a run counts as blown up; it is
 # followed to its end, and for so many frames at least, and if the solver never reports it, that is
 # given as its cause.
 EXCESS, FOLLOWED, UNREPORTED = 0.5, 20, "unreported"

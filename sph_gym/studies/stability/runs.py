@@ -67,8 +67,8 @@ class CaseRun:
 
     sim, scene, dtype: what runs; report: of the last frame; stable_dt: the stable step [s] at its
     start; numbers: diagnostics after it; began: those of the start, momentum (2,) [kg/s] and
-    least_density [rho0] too; fastest: largest speed so far [m/s]; energy_rise: of the energy from
-    nowhere above the least before, as a share of what is at stake; values: of checks, so far.
+    least_density [rho0] too; fastest: largest speed so far [m/s]; energy_rise: of the spurious
+    energy above the least before, as a share of what is at stake; values: of checks, so far.
     """
 
     def __init__(

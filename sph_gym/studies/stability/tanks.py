@@ -246,7 +246,7 @@ def flows() -> Iterator[HardCase]:
     )  # fmt: skip
     # ten periods, and one
     yield whole("shaken at resonance", shaken, events.flowed(0.15, 0.05), frames=1120, quick=112)
-    # the work of its wall counts as energy from nowhere
+    # the work of its wall counts as spurious energy
     yield whole("swinging wall", piston, events.moved(0.4, 0.3), excess=0.1)
     # where its wall leaves a gap, water slumps into it, and keeps 0.88; where it doesn't, it
     # settles by its own compression

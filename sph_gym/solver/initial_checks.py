@@ -100,7 +100,7 @@ def images(walls: Walls, reach: float) -> Floats:
 # --- What is odd ----------------------------------------------------------------------------
 
 
-def oddities(scene: Any, ratio: Floats) -> list[tuple[float, float, str]]:
+def anomalies(scene: Any, ratio: Floats) -> list[tuple[float, float, str]]:
     """Return a measure, its limit and a sentence for all that is odd about the start of a scene.
 
     ratio: (n,) densities at the start, summed, as shares of those of rest.

@@ -18,7 +18,7 @@ class DoubleDQN(DQN):
     """DQN in which one network chooses the next action and the other one values it.
 
     reward_shift: added to every reward, so that values begin where they belong: where a step
-    earns 0.5 in the mean, networks that begin at 0 would first have to learn 0.5 / (1 - gamma). A
+    earns 0.5 on average, networks that begin at 0 would first have to learn 0.5 / (1 - gamma). A
     terminal state counts as if the shift went on for ever, so that the best policy is the same.
     Sources: van Hasselt et al. 2016, double Q-learning; Sun et al. 2022, reward shifting.
     """

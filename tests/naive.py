@@ -324,13 +324,13 @@ class Naive:
         self.wall_x = np.array(walls.particles) if has_wall_particles else np.empty((0, 2))
         self.extrapolates = has_wall_particles and walls.pressure == "extrapolated"
         # plates that mirror; of the tests', those that all fluid is on one side of
-        self.panes = []
+        self.plates = []
         for plate in [] if walls is None or walls.plates is None else np.asarray(walls.plates):
             along = (plate[2:] - plate[:2]) / np.hypot(*(plate[2:] - plate[:2]))
             offset = np.array(scene.x) - plate[:2]
             distance = offset @ [-along[1], along[0]]
             if not distance.min() < 0 < distance.max() and not self.periods:
-                self.panes.append(plate)
+                self.plates.append(plate)
         # pairs of particles that don't see each other
         self.unseen = None
         # whether sides of the box mirror the fluid; no twin of boundary particles beside such sides
@@ -414,7 +414,7 @@ class Naive:
             inwards = np.sign(np.median(x, axis=0) - shift / 2)
             outside = ((sign < 0) & (inwards * (x - shift / 2) < 0)).any(axis=1)
             yield x_image, v_image, outside[:, None] | outside[None, :]
-        for plate in self.panes:
+        for plate in self.plates:
             along = (plate[2:] - plate[:2]) / np.hypot(*(plate[2:] - plate[:2]))
             matrix = 2 * np.outer(along, along) - np.eye(2)
             x_image = plate[:2] + (x - plate[:2]) @ matrix
@@ -423,7 +423,7 @@ class Naive:
     def hidden(self, x):
         """(n, n) whether a plate that mirrors is between two particles."""
         return np.any(
-            [np.zeros((len(x),) * 2, bool), *(cross(x, x, p) for p in self.panes)], axis=0
+            [np.zeros((len(x),) * 2, bool), *(cross(x, x, p) for p in self.plates)], axis=0
         )
 
     # --- densities and pressures ------------------------------------------------------------
@@ -556,7 +556,7 @@ class Naive:
         """Return the rates with images as further fluid, of the densities of their particles."""
         rho = self.density(x, time) if rho is None else rho
         alone, n = copy.copy(self), len(x)
-        alone.mirrors, alone.panes = False, []
+        alone.mirrors, alone.plates = False, []
         alone.unseen = np.zeros((n * (1 + len(images)),) * 2, bool)
         alone.unseen[:n] = np.concatenate([self.hidden(x), *(each[2] for each in images)], axis=1)
         moving = [each[:2] for each in images]

@@ -37,7 +37,7 @@ ODD = {
 }
 
 BENCHMARK = (
-    "cheap tricks earn less than the tuned CFL rule in the mean, except on `patch_impact`; on "
+    "cheap tricks earn less than the tuned CFL rule on average, except on `patch_impact`; on "
     "single flows some win: `python -m sph_gym study exploits`"
 )
 # Environments that are no benchmarks, and why.

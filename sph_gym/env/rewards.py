@@ -1,12 +1,12 @@
 """Reward: as little work as possible, as long as the flow stays what it is.
 
 Every error is measured in multiples of its tolerance, and e is the largest of them. Within
-tolerance (e <= 1) only work counts: 1 for none, 0.5 for as much as the tuned CFL rule spends in the
-mean, -1 for four times as much and more. The scale is linear, so that a faithful episode earns what
-its total work says, and moving work from one step to another earns nothing; a logarithm would pay
-for uneven work. Beyond tolerance a penalty from 1 to 2 is booked to the term that sets e: never
-less than the dearest faithful step costs, so that infidelity is no way to save. A blow-up costs the
-largest penalty for every step that is left, so that no early death can pay.
+tolerance (e <= 1) only work counts: 1 for none, 0.5 for as much as the tuned CFL rule spends on
+average, -1 for four times as much and more. The scale is linear, so that a faithful episode earns
+what its total work says, and moving work from one step to another earns nothing; a logarithm would
+pay for uneven work. Beyond tolerance a penalty from 1 to 2 is booked to the term that sets e: never
+less than the most expensive faithful step costs, so that infidelity saves nothing. A blow-up costs
+the largest penalty for every step that is left, so that an early end never pays.
 """
 
 import math

@@ -107,20 +107,20 @@ def visit(
 def visit_groups(task, part, sources, start, cells, model, grid, time):
     """Do a task for a part of the boundary particles, group by group.
 
-    part: first and last-plus-one particle, begin and room of the list that is used meanwhile;
+    part: first and last-plus-one particle, begin and end of the list that is used meanwhile;
     sources, start: the particles among which neighbours are searched. Return whether the list
     was too short.
     """
     walls, lists, constants = cells.walls, cells.lists, model.constants
-    first, last, begin, room = part
+    first, last, begin, list_end = part
     for row in range(grid.n_rows):
         low, high = row_range(grid, cells.wall_start, row)
         i, high = max(low, first), min(high, last)
         while i < high:
             n = rest_of_block(i - low, width(walls.x), high - i)
             n, box = compact_group(walls, i, n, constants.widest)
-            end = collect_images(constants, box, grid, start, sources, lists, begin, room)
-            if end > room:
+            end = collect_images(constants, box, grid, start, sources, lists, begin, list_end)
+            if end > list_end:
                 return True
             visit(task, i, n, begin, end, cells, model, time)
             i += n
@@ -133,8 +133,8 @@ def compute_wall_density(walls, rank, n_threads, cells, model, grid):
     if walls is None:
         return False
     first, last = own_blocks(grid, cells.wall_start, walls.id.size, width(walls.x), rank, n_threads)
-    begin, room = own_part(cells.lists, rank, n_threads)
-    part = first, last, begin, room
+    begin, list_end = own_part(cells.lists, rank, n_threads)
+    part = first, last, begin, list_end
     return visit_groups(LikeFluid(), part, cells.fluid, cells.start, cells, model, grid, 0.0)
 
 
@@ -146,8 +146,8 @@ def compute_wall_sums(walls, n_threads, cells, model, grid):
     """
     if walls is None:
         return False
-    begin, room = own_part(cells.lists, 0, n_threads)
-    part = 0, walls.id.size, begin, room
+    begin, list_end = own_part(cells.lists, 0, n_threads)
+    part = 0, walls.id.size, begin, list_end
     return visit_groups(OwnSums(), part, walls, cells.wall_start, cells, model, grid, 0.0)
 
 
@@ -160,8 +160,8 @@ def extrapolate(extrapolation, rank, n_threads, begin, cells, model, grid, time)
     """
     walls = cells.walls
     first, last = own_blocks(grid, cells.wall_start, walls.id.size, width(walls.x), rank, n_threads)
-    _, room = own_part(cells.lists, rank, n_threads)
-    part = first, last, begin, room
+    _, list_end = own_part(cells.lists, rank, n_threads)
+    part = first, last, begin, list_end
     return visit_groups(extrapolation, part, cells.fluid, cells.start, cells, model, grid, time)
 
 

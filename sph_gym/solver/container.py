@@ -152,11 +152,11 @@ def _fill(free: Mask, seed: Mask) -> Mask:
     region, before = seed & free, -1
     while (size := int(region.sum())) > before:
         before = size
-        region = _spread(free.T, _spread(free, region).T).T
+        region = _flood(free.T, _flood(free, region).T).T
     return region
 
 
-def _spread(free: Mask, region: Mask) -> Mask:
+def _flood(free: Mask, region: Mask) -> Mask:
     """Return the runs of free cells along the last axis that the region is part of."""
     ends = np.ones((len(free), 1), bool)
     runs = np.cumsum(np.concatenate([ends, ~free], axis=1).ravel()).reshape(len(free), -1)[:, 1:]

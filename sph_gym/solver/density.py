@@ -9,11 +9,11 @@ from sph_gym.solver.images import (
     HIDDEN,
     N_IMAGES,
     image_of,
-    is_at_pane,
+    is_at_plate,
     is_near,
     meets,
     mirror_matrix,
-    through_pane,
+    through_plate,
     turned,
 )
 from sph_gym.solver.jit import inlined, jitable
@@ -104,19 +104,19 @@ def add_image_weights(mirrors, continuity, sources, lists, part, model, x, y, to
 
 
 @jitable
-def add_pane_weights(panes, continuity, fluid, lists, part, model, x, y, total):
+def add_plate_weights(plates, continuity, fluid, lists, part, model, x, y, total):
     """Return total plus what plates add to the sum of shapes, less what they hide."""
-    if panes is None:
+    if plates is None:
         return total
     kernel, constants = model.kernel, model.constants
-    for k in range(panes.x.size):
-        if not is_at_pane(panes, k, x, y):
+    for k in range(plates.x.size):
+        if not is_at_plate(plates, k, x, y):
             continue
         for what in range(2):
             share = like(x, 0.0)
             for q in range(part[0], part[1]):
                 j = neighbor(lists, q)
-                acts, px, py = through_pane(panes, k, what, x, y, fluid.x[j], fluid.y[j])
+                acts, px, py = through_plate(plates, k, what, x, y, fluid.x[j], fluid.y[j])
                 if acts:
                     share = add_weights(
                         continuity, fluid, lists, q, q + 1, kernel, constants, px, py, share
@@ -153,7 +153,9 @@ def density(continuity, fluid, i, walls, lists, model):
     total = add_wall_images(mirrors, walls, continuity, lists, part, model, x, y, total)
     part = fluid_range(lists, i)
     total = add_image_weights(mirrors, continuity, fluid, lists, part, model, x, y, total)
-    total = add_pane_weights(model.panes, continuity, fluid, lists, part, model, x, y, total)
+    total = add_plate_weights(
+        model.mirror_plates, continuity, fluid, lists, part, model, x, y, total
+    )
     return add_offset(fluid.offset, i, scale * total), of_walls
 
 
@@ -204,31 +206,31 @@ def add_image_normals(mirrors, tension, fluid, i, lists, constants, nx, ny):
 
 
 @jitable
-def add_pane_normals(panes, tension, fluid, i, lists, constants, nx, ny):
+def add_plate_normals(plates, tension, fluid, i, lists, constants, nx, ny):
     """nx, ny + sum of grad W shapes that plates add, less those that they hide."""
-    if panes is None:
+    if plates is None:
         return nx, ny
     x, y = load(fluid.x, i), load(fluid.y, i)
     zero, (begin, end) = like(x, 0.0), fluid_range(lists, i)
-    for k in range(panes.x.size):
-        if not is_at_pane(panes, k, x, y):
+    for k in range(plates.x.size):
+        if not is_at_plate(plates, k, x, y):
             continue
         for what in range(2):
             ox, oy = zero, zero
             for q in range(begin, end):
                 j = neighbor(lists, q)
-                acts, px, py = through_pane(panes, k, what, x, y, fluid.x[j], fluid.y[j])
+                acts, px, py = through_plate(plates, k, what, x, y, fluid.x[j], fluid.y[j])
                 if acts:
                     ox, oy = add_normals(tension, fluid, lists, q, q + 1, constants, px, py, ox, oy)
             sign = like(zero, -1.0 if what == HIDDEN else 1.0)
-            xx, xy, yy = mirror_matrix(panes, k, what)
+            xx, xy, yy = mirror_matrix(plates, k, what)
             nx = nx + sign * (like(zero, xx) * ox + like(zero, xy) * oy)
             ny = ny + sign * (like(zero, xy) * ox + like(zero, yy) * oy)
     return nx, ny
 
 
 @jitable
-def store_normals(tension, mirrors, panes, fluid, i, n, lists, constants):
+def store_normals(tension, mirrors, plates, fluid, i, n, lists, constants):
     """Store n / sqrt|n|, n the gradient of the share of space that the fluid fills, of a group.
 
     Mirror images count as fluid, boundary particles do not and are not wetted. Were they to count,
@@ -241,7 +243,7 @@ def store_normals(tension, mirrors, panes, fluid, i, n, lists, constants):
     begin, end = fluid_range(lists, i)
     nx, ny = add_normals(tension, fluid, lists, begin, end, constants, x, y, zero, zero)
     nx, ny = add_image_normals(mirrors, tension, fluid, i, lists, constants, nx, ny)
-    nx, ny = add_pane_normals(panes, tension, fluid, i, lists, constants, nx, ny)
+    nx, ny = add_plate_normals(plates, tension, fluid, i, lists, constants, nx, ny)
     nx, ny = tension.volume_scale * nx, tension.volume_scale * ny
     inv_size = rsqrt(nx * nx + ny * ny + tension.disorder2)
     # 1 / sqrt|n|: the square root of 1 / |n|
@@ -254,19 +256,19 @@ def store_normals(tension, mirrors, panes, fluid, i, n, lists, constants):
 def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
     """Compute lists, rho and p / rho^2 of fluid particles first to last.
 
-    Return the end of the thread's list, beyond its room if that was too short, in which case not
+    Return the end of the thread's list, beyond `list_end` if that was too short, in which case not
     all of it was done; and the first particle that is inside a wall, or -1.
     """
     fluid, walls, lists, constants = cells.fluid, cells.walls, cells.lists, model.constants
-    k, room = own_part(lists, rank, n_threads)
+    k, list_end = own_part(lists, rank, n_threads)
     walled = -1
     for row in range(grid.n_rows):
         low, high = row_range(grid, cells.start, row)
         i, high = max(low, first), min(high, last)
         while i < high:
             n = rest_of_block(i - low, width(fluid.x), high - i)
-            n, k = list_group(cells, grid, constants, i, n, k, room)
-            if k > room:
+            n, k = list_group(cells, grid, constants, i, n, k, list_end)
+            if k > list_end:
                 return k, walled
             rho, of_walls = density(model.effects.continuity, fluid, i, walls, lists, model)
             inside = first_walled(walls, model, cells, i, n, of_walls, dt)
@@ -276,7 +278,7 @@ def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
             store_normals(
                 model.effects.surface_tension,
                 model.mirrors,
-                model.panes,
+                model.mirror_plates,
                 fluid,
                 i,
                 n,
@@ -288,12 +290,14 @@ def compute_fluid_density(rank, n_threads, first, last, cells, model, grid, dt):
 
 
 @inlined
-def list_group(cells, grid, constants, i, n, k, room):
+def list_group(cells, grid, constants, i, n, k, list_end):
     """Write down the neighbours of a group of at most n. Return its size and the list's end."""
     fluid, lists = cells.fluid, cells.lists
     n, box = compact_group(fluid, i, n, constants.widest)
-    middle = collect_images(constants, box, grid, cells.start, fluid, lists, k, room)
-    end = collect_images(constants, box, grid, cells.wall_start, cells.walls, lists, middle, room)
+    middle = collect_images(constants, box, grid, cells.start, fluid, lists, k, list_end)
+    end = collect_images(
+        constants, box, grid, cells.wall_start, cells.walls, lists, middle, list_end
+    )
     groups = lists.groups
     groups[4 * i + BEGIN], groups[4 * i + MIDDLE] = k, middle
     groups[4 * i + END], groups[4 * i + SIZE] = end, n

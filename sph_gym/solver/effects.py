@@ -299,15 +299,15 @@ FAINT = 0.003
 
 class Shifting(NamedTuple):
     """scale: 2 A U h m gradient_scale, U [m/s] a tenth of c0; top: the largest shift [m/s]; faint:
-    A U FAINT [m/s]; closed: density [kg/m^3] from which on a particle is inside; inv_room: 1 / what
-    is between that and the density of a free surface.
+    A U FAINT [m/s]; closed: density [kg/m^3] from which on a particle is inside; inv_range: 1 / (that
+    - the density of a free surface).
     """
 
     scale: float
     top: float
     faint: float
     closed: float
-    inv_room: float
+    inv_range: float
 
 
 @effect(typical=lambda scene: 1.0)
@@ -321,10 +321,10 @@ def shifting(factor, given):
     first, second = surface_densities(
         given.kernel, given.mass, given.dx, primitive if given.effects.continuity else weight
     )
-    room = max(OPEN * (second - first), 1e-3 * given.rho0)
+    span = max(OPEN * (second - first), 1e-3 * given.rho0)
     return Shifting(
         2 * factor * speed * given.h * force_scale, TOP_SHIFT * speed, FAINT * factor * speed,
-        first + room, 1 / room,
+        first + span, 1 / span,
     )  # fmt: skip
 
 
@@ -334,7 +334,7 @@ def openness(effect, density):
     if effect is None:
         return density
     zero, one = like(density, 0.0), like(density, 1.0)
-    return minimum(maximum((effect.closed - density) * effect.inv_room, zero), one)
+    return minimum(maximum((effect.closed - density) * effect.inv_range, zero), one)
 
 
 @jitable

@@ -26,11 +26,11 @@ from sph_gym.solver.images import (
     HIDDEN,
     N_IMAGES,
     image_of,
-    is_at_pane,
+    is_at_plate,
     is_near,
     meets,
     mirror_matrix,
-    through_pane,
+    through_plate,
     turned,
 )
 from sph_gym.solver.jit import jitable
@@ -249,24 +249,24 @@ def add_images(mirrors, target, sources, lists, part, model, effects, sums):
 
 
 @jitable
-def add_panes(panes, target, fluid, lists, part, model, sums):
+def add_plate_images(plates, target, fluid, lists, part, model, sums):
     """Return sums plus everything that images in plates add, less what the plates hide."""
-    if panes is None:
+    if plates is None:
         return sums
     zero = like(target.x, 0.0)
-    for k in range(panes.x.size):
-        if not is_at_pane(panes, k, target.x, target.y):
+    for k in range(plates.x.size):
+        if not is_at_plate(plates, k, target.x, target.y):
             continue
         for what in range(2):
-            xx, xy, yy = mirror_matrix(panes, k, what)
+            xx, xy, yy = mirror_matrix(plates, k, what)
             xx, xy, yy = like(zero, xx), like(zero, xy), like(zero, yy)
             u, v = xx * target.u + xy * target.v, xy * target.u + yy * target.v
             nx, ny = xx * target.nx + xy * target.ny, xy * target.nx + yy * target.ny
             seen = no_sums(zero)
             for q in range(part[0], part[1]):
                 j = neighbor(lists, q)
-                acts, x, y = through_pane(
-                    panes, k, what, target.x, target.y, fluid.x[j], fluid.y[j]
+                acts, x, y = through_plate(
+                    plates, k, what, target.x, target.y, fluid.x[j], fluid.y[j]
                 )
                 if acts:
                     other = Target(x, y, u, v, target.rho, target.stress, nx, ny)
@@ -314,7 +314,7 @@ def pair_sums(i, fluid, walls, lists, model):
     sums = add_wall_images(model.mirrors, walls, target, lists, (begin, end), model, sums)
     part, effects = fluid_range(lists, i), model.image_effects
     sums = add_images(model.mirrors, target, fluid, lists, part, model, effects, sums)
-    return add_panes(model.panes, target, fluid, lists, part, model, sums)
+    return add_plate_images(model.mirror_plates, target, fluid, lists, part, model, sums)
 
 
 # --- Single particles -----------------------------------------------------------------------

@@ -137,7 +137,7 @@ class _Field:
         return np.array(acceleration(self.compiled(), time, 0.0, 0.0, 0.0, 0.0))
 
     def lasting(self) -> Array:
-        """(2,) what is left of `at` in the mean over a long time [m/s^2]."""
+        """(2,) average of `at` over a long time [m/s^2]."""
         raise NotImplementedError
 
     def strongest(self, reach: float) -> float:

@@ -111,7 +111,7 @@ def make_mirrors(sides: tuple[float, ...] | None, number: Any) -> Box | None:
 # --- Plates ---------------------------------------------------------------------------------
 
 
-class Panes(NamedTuple):
+class MirrorPlates(NamedTuple):
     """Plates that mirror the fluid on both sides and hide one side from the other, and corners.
 
     x, y: (n,) a point of each [m]; nx, ny: its normal; low, high: its ends along (-ny, nx), seen
@@ -134,24 +134,24 @@ ADDED, HIDDEN = range(2)
 
 
 @jitable
-def before_pane(panes, k, x, y):
+def before_plate(plates, k, x, y):
     """Return the distance from plate k [m], negative on its far side, and the place along it."""
-    dx, dy = x - like(x, panes.x[k]), y - like(y, panes.y[k])
-    nx, ny = like(x, panes.nx[k]), like(x, panes.ny[k])
+    dx, dy = x - like(x, plates.x[k]), y - like(y, plates.y[k])
+    nx, ny = like(x, plates.nx[k]), like(x, plates.ny[k])
     return dx * nx + dy * ny, dy * nx - dx * ny
 
 
 @jitable
-def is_at_pane(panes, k, x, y):
+def is_at_plate(plates, k, x, y):
     """Return whether a group at x, y [m] may see its images in plate k."""
-    s, along = before_pane(panes, k, x, y)
-    h = float(panes.h)
-    low, high = float(panes.low[k]) - h, float(panes.high[k]) + h
+    s, along = before_plate(plates, k, x, y)
+    h = float(plates.h)
+    low, high = float(plates.low[k]) - h, float(plates.high[k]) + h
     return float(lowest(abs(s))) < h and float(lowest(along)) < high and float(highest(along)) > low
 
 
 @jitable
-def crosses(panes, k, s, along, s_j, along_j):
+def crosses(plates, k, s, along, s_j, along_j):
     """Return 1 where the straight way from s, along to the other place meets plate k, else 0.
 
     Seen as if both were on different sides; the way to an image meets it at the same point.
@@ -159,48 +159,48 @@ def crosses(panes, k, s, along, s_j, along_j):
     zero, one = like(s, 0.0), like(s, 1.0)
     a, b = abs(s), abs(s_j)
     meeting, total = along * b + along_j * a, a + b
-    missed = select(meeting < like(s, panes.low[k]) * total, one, zero)
-    return select(meeting > like(s, panes.high[k]) * total, zero, one - missed)
+    missed = select(meeting < like(s, plates.low[k]) * total, one, zero)
+    return select(meeting > like(s, plates.high[k]) * total, zero, one - missed)
 
 
 @jitable
-def through_pane(panes, k, what, x, y, x_j, y_j):
+def through_plate(plates, k, what, x, y, x_j, y_j):
     """Return whether plate k adds or hides anything, and from where particle j has to be seen.
 
     what: ADDED, for which a group at x, y [m] is mirrored, or HIDDEN. Lanes that nothing happens
     to are out of reach.
     """
     zero, one = like(x, 0.0), like(x, 1.0)
-    s, along = before_pane(panes, k, x, y)
-    s_j, along_j = before_pane(panes, k, like(x, x_j), like(x, y_j))
+    s, along = before_plate(plates, k, x, y)
+    s_j, along_j = before_plate(plates, k, like(x, x_j), like(x, y_j))
     opposite = select(s * s_j < zero, one, zero)
-    acts = crosses(panes, k, s, along, s_j, along_j)
-    corner = like(x, panes.corner[k])
+    acts = crosses(plates, k, s, along, s_j, along_j)
+    corner = like(x, plates.corner[k])
     if what == ADDED:
         # in a corner both of both are inside
         within = select(minimum(minimum(s, s_j), minimum(along, along_j)) < zero, zero, one)
         acts = acts * (one - opposite) * (one - corner * (one - within))
-        nx, ny = like(x, panes.nx[k]), like(x, panes.ny[k])
+        nx, ny = like(x, plates.nx[k]), like(x, plates.ny[k])
         twice, turned_along = s + s, corner * (along + along)
         x, y = x - twice * nx + turned_along * ny, y - twice * ny - turned_along * nx
     else:
         acts = acts * opposite * (one - corner)
         for q in range(k):
             # what an earlier plate hides is hidden once
-            s, along = before_pane(panes, q, x, y)
-            s_q, along_q = before_pane(panes, q, like(x, x_j), like(x, y_j))
-            before = select(s * s_q < zero, one - like(x, panes.corner[q]), zero)
-            acts = acts * (one - before * crosses(panes, q, s, along, s_q, along_q))
-    out = like(x, panes.h) * like(x, 4.0)
+            s, along = before_plate(plates, q, x, y)
+            s_q, along_q = before_plate(plates, q, like(x, x_j), like(x, y_j))
+            before = select(s * s_q < zero, one - like(x, plates.corner[q]), zero)
+            acts = acts * (one - before * crosses(plates, q, s, along, s_q, along_q))
+    out = like(x, plates.h) * like(x, 4.0)
     return float(highest(acts)) > 0.5, x + (one - acts) * out, y
 
 
 @jitable
-def mirror_matrix(panes, k, what):
-    """Return xx, xy and yy of the matrix that turns vectors as `through_pane` turns places."""
+def mirror_matrix(plates, k, what):
+    """Return xx, xy and yy of the matrix that turns vectors as `through_plate` turns places."""
     if what == HIDDEN:
         return 1.0, 0.0, 1.0
-    nx, ny, corner = float(panes.nx[k]), float(panes.ny[k]), float(panes.corner[k])
+    nx, ny, corner = float(plates.nx[k]), float(plates.ny[k]), float(plates.corner[k])
     return (
         1.0 - 2.0 * nx * nx - 2.0 * corner * ny * ny,
         -2.0 * (1.0 - corner) * nx * ny,

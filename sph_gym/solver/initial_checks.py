@@ -25,7 +25,7 @@ from sph_gym.solver.walls import Walls
 
 # Share of dx by which a place may be wrong: rounding, and the jitter of reference runs.
 SLACK = 0.05
-# Density at the start [rho0]: more of it, in the mean or at one particle, makes a burst; less in
+# Density at the start [rho0]: more of it, on average or at one particle, makes a burst; less in
 # the mean is not the fluid of these numbers.
 DENSE, DENSEST, SPARSE = 1.03, 1.5, 0.5
 # Support radius [dx] below which a particle at rest has its 8 nearest neighbours at most, and a

@@ -12,13 +12,13 @@ from sph_gym.solver.checks import number as finite
 from sph_gym.solver.confinement import Box, Plates, Stroke
 from sph_gym.solver.effects import Xsph
 from sph_gym.solver.equation_of_state import make_eos
-from sph_gym.solver.images import FREEBOARD, Panes, make_mirrors
+from sph_gym.solver.images import FREEBOARD, MirrorPlates, make_mirrors
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.jit import jitable
 from sph_gym.solver.kernels import ALL_KERNELS, calibrated_mass, weight
 from sph_gym.solver.lanes import like, replaced
+from sph_gym.solver.mirror_plates import make_mirror_plates
 from sph_gym.solver.neighbors import WIDEST_GROUP
-from sph_gym.solver.panes import make_panes
 from sph_gym.solver.periodic import Period, make_period
 from sph_gym.solver.registry import EFFECTS, Given
 from sph_gym.solver.scene import Scene
@@ -58,7 +58,7 @@ def wall_effects(effects: Any, slip: str) -> Any:
     """
     if effects.shifting is not None:
         effects = effects._replace(
-            shifting=effects.shifting._replace(inv_room=0 * effects.shifting.inv_room)
+            shifting=effects.shifting._replace(inv_range=0 * effects.shifting.inv_range)
         )
     acting, layer = {"always", slip}, effects.surface_tension
     effects = effects._replace(**{e.name: None for e in EFFECTS if e.at_walls not in acting})
@@ -98,7 +98,7 @@ class Model(NamedTuple):
     gravity: Any
     box: Box | None
     mirrors: Box | None
-    panes: Panes | None
+    mirror_plates: MirrorPlates | None
     plates: Plates | None
     unbacked_walls: UnbackedWalls | None
     extrapolation: Extrapolation | None
@@ -132,7 +132,7 @@ def make_model(scene: Scene, mass: float, number: Any, brute: bool) -> Model:
             None if scene.effects.field is None else scene.effects.field.compiled(),
             _box(scene, number),
             make_mirrors(None if walls is None else walls.mirrored_sides(scene.h), number),
-            make_panes(scene, number),
+            make_mirror_plates(scene, number),
             _plates(walls, scene.dx, number),
             _unbacked_walls(scene, number),
             _extrapolation(scene, number),

@@ -387,10 +387,10 @@ def make_window(grid, box):
 
 
 @jitable
-def collect(window, start, n_columns, sources, h2, lists, k, room):
+def collect(window, start, n_columns, sources, h2, lists, k, list_end):
     """Append all of `sources` within sqrt(h2) of the rectangle; the new end of the list.
 
-    Where there might not be room, nothing is written and an end beyond `room` is returned.
+    Where the list might become too long, nothing is written and the end is beyond `list_end`.
     """
     if sources is None:
         return k
@@ -398,8 +398,8 @@ def collect(window, start, n_columns, sources, h2, lists, k, room):
     for row in range(window.first_row, window.last_row):
         low = entry(start, row * n_columns + window.first_column)
         high = entry(start, row * n_columns + window.last_column)
-        if k + (high - low) + 2 * n_lanes > room:
-            return room + 1
+        if k + (high - low) + 2 * n_lanes > list_end:
+            return list_end + 1
         for j in range(low, high, n_lanes):
             x, y = load(sources.x, j), load(sources.y, j)
             zero = like(x, 0.0)
@@ -435,7 +435,7 @@ def _is_far(period, low, high, h):
 
 
 @jitable
-def collect_images(constants, box, grid, start, sources, lists, k, room):
+def collect_images(constants, box, grid, start, sources, lists, k, list_end):
     """`collect` for the rectangle and, in a periodic domain, its images.
 
     Groups are so narrow that no particle is within h of two images.
@@ -456,8 +456,8 @@ def collect_images(constants, box, grid, start, sources, lists, k, room):
             if _is_far(period_y, y_low, y_high, h):
                 continue
             window = make_window(grid, Rectangle(x_low, x_high, y_low, y_high))
-            k = collect(window, start, grid.n_columns, sources, reach2, lists, k, room)
-            if k > room:
+            k = collect(window, start, grid.n_columns, sources, reach2, lists, k, list_end)
+            if k > list_end:
                 return k
     return k
 
@@ -474,6 +474,6 @@ def make_sorting(n_fluid: int, n_walls: int, brute: bool, n_threads: int) -> Sor
 
 
 def make_lists(n_fluid: int, n_threads: int, entries_per_particle: float) -> Lists:
-    """Return lists with room for so many entries; they grow where that is too little."""
+    """Return lists that hold so many entries; they grow where that is too little."""
     n_entries = 4096 * n_threads + int(entries_per_particle * n_fluid)
     return Lists(np.zeros(n_entries, np.int32), np.zeros(4 * n_fluid, np.int64))

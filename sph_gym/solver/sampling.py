@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sph_gym.solver.checks import finite_array
 from sph_gym.solver.confinement import stroke_at
-from sph_gym.solver.panes import Pane, panes_of
+from sph_gym.solver.mirror_plates import Plate, mirroring_plates
 from sph_gym.solver.periodic import make_period, nearest_image
 
 if TYPE_CHECKING:
@@ -149,13 +149,15 @@ def level_at(sim: "Simulation", x: ArrayLike) -> Any:
     single = not np.iterable(x)
     places = finite_array("x", [x] if single else x, ("m",))
     fluid, walls = positions(sim)
-    panes = panes_of(sim.scene)
-    levels = np.array([_level(sim, place, fluid, walls, panes) for place in places])
+    plates = mirroring_plates(sim.scene)
+    levels = np.array([_level(sim, place, fluid, walls, plates) for place in places])
     return float(levels[0]) if single else levels
 
 
-def _level(sim: "Simulation", place: float, fluid: Array, walls: Array, panes: list[Pane]) -> float:
-    """Return the level [m] in the column at `place` [m]; panes: plates that enclose the fluid."""
+def _level(
+    sim: "Simulation", place: float, fluid: Array, walls: Array, plates: list[Plate]
+) -> float:
+    """Return the level [m] in the column at `place` [m]; plates: plates that enclose the fluid."""
     dx, reach = sim.scene.dx, SMOOTHING * sim.scene.dx
     near = [_column(sim, place, x) for x in (fluid, walls)]
     if not len(near[0][0]):
@@ -166,7 +168,7 @@ def _level(sim: "Simulation", place: float, fluid: Array, walls: Array, panes: l
         dx * dx * (wendland_1d((y[:, None] - heights) / reach) @ weights) / reach
         for heights, weights in near
     )
-    free = np.minimum(1 - solid, _share_inside(sim, place, y, panes))
+    free = np.minimum(1 - solid, _share_inside(sim, place, y, plates))
     filled = np.where(free > 0.1, water / np.maximum(free, 0.1), 0.0)
     wet = np.flatnonzero(filled >= 0.5)
     if not len(wet):
@@ -189,18 +191,18 @@ def wendland_1d(q: Array) -> Array:
     return 1.25 * (1 - q) ** 3 * (1 + 3 * q)
 
 
-def _share_inside(sim: "Simulation", place: float, y: Array, panes: list[Pane]) -> Array:
-    """Return the share (m,) of the smoothing along x, at heights y [m], within box and panes."""
+def _share_inside(sim: "Simulation", place: float, y: Array, plates: list[Plate]) -> Array:
+    """Return the share (m,) of the smoothing along x, at heights y [m], within box and plates."""
     left, right, *_ = sides(sim)
     ends = np.full((2, len(y)), [[left], [right]])
-    for pane in panes:
-        rise = pane.length * pane.along[1]
+    for plate in plates:
+        rise = plate.length * plate.along[1]
         if abs(rise) < sim.scene.dx:
             continue
-        up = (y - pane.begin[1]) / rise
-        x = pane.begin[0] + up * pane.length * pane.along[0]
+        up = (y - plate.begin[1]) / rise
+        x = plate.begin[0] + up * plate.length * plate.along[0]
         # all fluid began on one side
-        is_left = (pane.place(np.asarray(sim.scene.x))[0] * rise).sum() > 0
+        is_left = (plate.place(np.asarray(sim.scene.x))[0] * rise).sum() > 0
         side = 0 if is_left else 1
         nearer = np.maximum(ends[0], x) if is_left else np.minimum(ends[1], x)
         ends[side] = np.where((up >= 0) & (up <= 1), nearer, ends[side])

@@ -220,13 +220,13 @@ def compute_densities(rank, n_threads, cells, status, team, model, grid, length)
     first, last = own_blocks(grid, cells.start, fluid.id.size, width(fluid.x), rank, n_threads)
     status[rank, FIRST], status[rank, LAST] = first, last
     full = compute_boundary(model.extrapolation, rank, n_threads, cells, team, model, grid)
-    _, room = own_part(cells.lists, rank, n_threads)
-    end, walled = room, -1
+    _, list_end = own_part(cells.lists, rank, n_threads)
+    end, walled = list_end, -1
     if not full:
         end, walled = compute_fluid_density(
             rank, n_threads, first, last, cells, model, grid, length
         )
-    status[rank, FULL], status[rank, LISTED] = full or end > room, end
+    status[rank, FULL], status[rank, LISTED] = full or end > list_end, end
     note_walled(cells.walls, status, rank, walled)
     return meet(team, n_threads) and not any_full(status, n_threads)
 

@@ -86,7 +86,7 @@ class Walls:
     particles behind it, a side also mirrors the fluid, and clamps dx / 10 before itself.
     plates: ((x0, y0, x1, y1), ...) segments [m] that no path crosses, however fast; not even one
     that a moving side of the box pushes along: what is between the two stays before the plate.
-    Those that enclose the fluid, without boundary particles, mirror it as well (`panes_of`).
+    Those that enclose the fluid, without boundary particles, mirror it (`mirroring_plates`).
     restitution: share of the normal speed that is left after a reflection, 0 to 1.
     period_x, period_y: (low, high) [m] where space closes upon itself; at least 4 h long, and
     farther than anything moves in a step. Boundary particles and plates begin within them.

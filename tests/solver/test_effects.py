@@ -110,7 +110,7 @@ def test_walls_take_part_in_what_they_should(pressure, slip):
         of_walls = getattr(model.wall_effects, name)
         if name == "shifting":
             # walls are no free surface
-            of_fluid = of_fluid._replace(inv_room=0.0)
+            of_fluid = of_fluid._replace(inv_range=0.0)
         if name == "surface_tension":
             # the layer under tension rubs against walls, which do not pull it
             of_fluid = of_fluid._replace(strength=0.0)

@@ -19,7 +19,7 @@ from sph_gym import (
     tank_particles,
 )
 from sph_gym.solver.kernels import MATCHED
-from sph_gym.solver.panes import panes_of
+from sph_gym.solver.mirror_plates import mirroring_plates
 from tests.cases import DX, assert_close, fluid, uncompiled
 from tests.solver.test_terms import EFFECTS, FREE, cloud
 
@@ -143,19 +143,19 @@ def test_a_plate_hides_what_comes_to_its_other_side():
 @pytest.mark.without_jit
 def test_plates_mirror_that_enclose_the_fluid():
     scene = in_plates(0.0)[0]
-    assert len(panes_of(scene)) == 3
+    assert len(mirroring_plates(scene)) == 3
     x = np.asarray(scene.x)
     for plate in ((0.08, -1.0, 0.08, 1.0), (0.5, 0.0, 0.5, 0.1), (0.5, 0.1, 0.5, 1.0)):
         baffle = Walls(box=(0.0, 1.0, 0.0, INF), plates=[plate])
-        assert panes_of(replace(scene, walls=baffle)) == []
+        assert mirroring_plates(replace(scene, walls=baffle)) == []
     outer = Walls(box=(0.0, 1.0, 0.0, INF), plates=[(0.5, 0.0, 0.5, 1.0)])
-    assert len(panes_of(replace(scene, walls=outer))) == 1
+    assert len(mirroring_plates(replace(scene, walls=outer))) == 1
     face = Walls(lattice(0.0, 0.16, -0.06, 0.0, DX), plates=[(0.0, 0.0, 0.16, 0.0)])
-    assert panes_of(replace(scene, walls=face)) == []
+    assert mirroring_plates(replace(scene, walls=face)) == []
     beside = Walls(box=(0.0, 0.16, 0.0, INF), plates=[(0.0, 0.0, 0.16, 0.0)])
-    assert panes_of(replace(scene, walls=beside)) == []
+    assert mirroring_plates(replace(scene, walls=beside)) == []
     endless = Walls(plates=[(0.2, -0.9, 0.2, 0.9)], period_y=(-1.0, 1.0))
-    assert panes_of(replace(scene, walls=endless, x=x)) == []
+    assert mirroring_plates(replace(scene, walls=endless, x=x)) == []
 
 
 # --- Tanks at rest ----------------------------------------------------------------------------

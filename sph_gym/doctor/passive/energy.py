@@ -1,4 +1,4 @@
-"""Does the momentum of a free flow stay, does energy come from nowhere?"""
+"""Does the momentum of a free flow stay, does spurious energy appear?"""
 
 import math
 
@@ -13,7 +13,7 @@ from sph_gym.solver.scene import Scene
 # Momentum may change by this share of what the particles have without their directions.
 DRIFT = 0.01
 UNIT = "change of the mean velocity, as a share of the speeds"
-# Energy from nowhere, as a share of what is at stake: kernels that aren't matched heat a little.
+# Spurious energy, as a share of what is at stake: kernels that aren't matched heat a little.
 SURPLUS = 0.3
 # The fluid burst if its mean kinetic energy is above this share of c0^2 / 2.
 BURST = 1.0
@@ -103,7 +103,7 @@ def _balance(survey: RecordingSurvey, scene: Scene, kinetic: Array) -> Finding:
     quiet = kinetic.max() < (0.01 * scene.fluid.c0) ** 2 / 2
     if worst < SURPLUS or quiet:
         return passed(
-            "no energy comes from nowhere",
+            "no spurious energy",
             Measured(
                 max(worst, 0.0), 0.0, unit="share of the energy at stake", tolerance=f"{SURPLUS:g}"
             ),

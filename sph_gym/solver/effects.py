@@ -299,8 +299,8 @@ FAINT = 0.003
 
 class Shifting(NamedTuple):
     """scale: 2 A U h m gradient_scale, U [m/s] a tenth of c0; top: the largest shift [m/s]; faint:
-    A U FAINT [m/s]; closed: density [kg/m^3] from which on a particle is inside; inv_range: 1 / (that
-    - the density of a free surface).
+    A U FAINT [m/s]; closed: density [kg/m^3] from which on a particle is inside; inv_range: 1 / its
+    distance from the density of a free surface.
     """
 
     scale: float

@@ -43,6 +43,8 @@ from sph_gym.solver.thickness import close_pairs
 PARTICLES_PER_THREAD = 256
 WORTH_WAKING = 20_000
 NO_BOUNDS = np.empty(0, np.int64)
+# STEPS, BAD, FULL and WHOLE before a call; the other columns stay from the last one.
+NOT_RUN = np.array([0, -1, 0, 0])
 N_SURVEYED = len(diagnostics.Survey._fields)
 # First guess of the length of a neighbour list; it grows where that is too short.
 ENTRIES_PER_GROUP = 70
@@ -157,9 +159,11 @@ class Engine:
 
     def finish(self, time: float, dt: float, n_substeps: int) -> tuple[int, int]:
         """Return what `run` returns, once a call was made; repeat it if a list was too short."""
-        while self.full:
+        status = self.world.status.tolist()
+        while any(row[FULL] for row in status):
             self.call(self._rewind(), time, dt, n_substeps)
-        return self.steps, self.bad
+            status = self.world.status.tolist()
+        return status[0][STEPS], next((row[BAD] for row in status if row[BAD] >= 0), -1)
 
     def call(self, stale: int, time: float, dt: float, n_substeps: int) -> None:
         """Make one compiled call, on as many threads as it is worth; see `stepping.advance`."""
@@ -180,8 +184,7 @@ class Engine:
         Each thread has its own list, so that other shares want other lists.
         """
         before, self._listed_by = self._listed_by, n_threads
-        status = self.world.status
-        status[:, STEPS], status[:, BAD], status[:, FULL], status[:, WHOLE] = 0, -1, 0, 0
+        self.world.status[:, : len(NOT_RUN)] = NOT_RUN
         if n_threads != before and stale == FRESH:
             self._spare_the_state(self.fluid)
             stale = UNSORTED

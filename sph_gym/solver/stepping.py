@@ -46,10 +46,10 @@ FORCE = 0.25
 VISCOUS = 0.125
 
 # Columns of `World.status`, one row a thread: steps done; the first particle of its share that
-# failed, or -1; whether its list was too short; the particles that are its share; where the
-# fluid's part of its list ends; the first particle of its share that is inside a wall, or -1;
-# whether `fluid` is the whole state at the end of the last step.
-STEPS, BAD, FULL, FIRST, LAST, LISTED, WALLED, WHOLE = range(8)
+# failed, or -1; whether its list was too short; whether `fluid` is the whole state at the end of
+# the last step; the particles that are its share; where the fluid's part of its list ends; the
+# first particle of its share that is inside a wall, or -1.
+STEPS, BAD, FULL, WHOLE, FIRST, LAST, LISTED, WALLED = range(8)
 N_STATUS = 8
 # Parts that are not up to date when a call begins: none; the pressures; densities and lists, for
 # the state in `spare`; the same and the rates, since they depend on what has changed.

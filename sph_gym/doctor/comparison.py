@@ -6,7 +6,7 @@ import numpy as np
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checkup import resolve
-from sph_gym.doctor.diagnosis import LINKS, Diagnosis, Result
+from sph_gym.doctor.diagnosis import Diagnosis, Result
 from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, SolverUnderTest, Unsupported
 
 # Relative differences below these are rounding: of solvers in double precision that sum in another
@@ -52,7 +52,6 @@ def compare(a: Factory | str, b: Factory | str, seed: int = 0) -> Diagnosis:
             results.append(Result(setting.name, "setup", "error", message=text, remedy=remedy))
         except Unsupported as error:
             results.append(Result(setting.name, "setup", "skip", message=str(error)))
-    results.sort(key=lambda each: LINKS.index(each.link))
     return Diagnosis(tuple(results), f"{name_b} against {name_a}")
 
 

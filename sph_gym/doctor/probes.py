@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import CheckFunction
 from sph_gym.doctor.subject import Crash, SolverUnderTest
@@ -227,7 +227,7 @@ def tolerant(function: CheckFunction) -> CheckFunction:
     """
 
     @wraps(function)
-    def check(lab: Lab) -> Finding:
+    def check(lab: Lab) -> Result:
         try:
             return function(lab)
         except Crash as error:
@@ -284,7 +284,7 @@ def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Seen]:
     return where, passing(subject, lab, dt)
 
 
-def not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Finding:
+def not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Result:
     """Return that something is not finite: densities, pressures or accelerations."""
     numbers = Measured("not finite", "finite")
     for name, link, values in (("rho", "density", found.rho), ("p", "pressure", found.p)):

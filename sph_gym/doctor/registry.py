@@ -3,11 +3,10 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from sph_gym.doctor.diagnosis import LINKS
-from sph_gym.doctor.findings import Finding
+from sph_gym.doctor.diagnosis import LINKS, Result
 from sph_gym.doctor.lab import Lab
 
-CheckFunction = Callable[[Lab], Finding]
+CheckFunction = Callable[[Lab], Result]
 
 
 class Check(NamedTuple):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.pair_law import (
     CLEARLY,
@@ -42,7 +42,7 @@ _NONE, _PUSH = 2 * ROUNDING, 2e-2
 
 @check("force", step=4, needs=("isolated",))
 @tolerant
-def steady(lab: Lab) -> Finding:
+def steady(lab: Lab) -> Result:
     """Let squeezed pairs stand still for 30 tiny steps: do forces stay what they are?"""
     ratio = squeezing(lab)
     if ratio is None:
@@ -71,7 +71,7 @@ def steady(lab: Lab) -> Finding:
 
 @check("force", step=8, needs=("isolated", "push_apart", "momentum", "isotropy"))
 @tolerant
-def pair_law(lab: Lab) -> Finding:
+def pair_law(lab: Lab) -> Result:
     """Measure the force of pairs in several cases: which densities, law and kernel explain it?"""
     if {"rho", "p"} <= lab.shown:
         return skipped("rho and p are shown: other checks have measured them")
@@ -87,7 +87,7 @@ def pair_law(lab: Lab) -> Finding:
     return _explained(lab, series)
 
 
-def _explained(lab: Lab, series: list[PairForces]) -> Finding:
+def _explained(lab: Lab, series: list[PairForces]) -> Result:
     """Return which law explains the forces of pairs."""
     moving = series[0].start is not None
     # accelerations of pairs in motion belong to a time that is known to half a step only
@@ -150,7 +150,7 @@ def _closing_series(lab: Lab, ratio: float, h: float, c0: float) -> PairForces:
     return PairForces(ratio, h, c0, last.q, push, None, DISTANCES, first.q)
 
 
-def _another_stiffness(series: list[PairForces]) -> Finding | None:
+def _another_stiffness(series: list[PairForces]) -> Result | None:
     """Return that forces are as if sound had another speed, None if that doesn't explain them."""
     if series[0].start is not None or not _pushed(series):
         return None
@@ -172,7 +172,7 @@ def _another_stiffness(series: list[PairForces]) -> Finding | None:
 
 @check("density", step=4, needs=("isolated", "pair_law"))
 @tolerant
-def rest_spacing(lab: Lab) -> Finding:
+def rest_spacing(lab: Lab) -> Result:
     """Set up lattices at rest, close and wide: is it near dx that they begin to push?"""
     if "rho" in lab.shown:
         return skipped("rho is shown: other checks have measured it")
@@ -216,7 +216,7 @@ def _outward(lab: Lab, h: float, spacing: float) -> float:
 
 @check("force", step=4, needs=("isolated", "momentum_in_motion", "pair_law"))
 @tolerant
-def push_in_time(lab: Lab) -> Finding:
+def push_in_time(lab: Lab) -> Result:
     """Let pairs collide: are they pushed by the densities and pressures of where they are?"""
     law = lab.facts.get("law")
     if not isinstance(law, FittedPairLaw):
@@ -261,7 +261,7 @@ def _in_time(
     now: PairForces,
     start: PairForces,
     *lasts: PairForces,
-) -> Finding:
+) -> Result:
     """Return of which moment the densities are that made the push (k,) of colliding pairs.
 
     settled: the push when they stand still; lasts: moments of the step before.

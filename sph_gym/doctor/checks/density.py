@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, interior, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import Match, MeasuredWeights, integral, lattice_sum, match
 from sph_gym.doctor.probes import (
@@ -34,7 +34,7 @@ EVERY_PAIR = (
 )
 
 
-def by_continuity(lab: Lab) -> Finding:
+def by_continuity(lab: Lab) -> Result:
     """Return what is found of densities that don't depend on positions."""
     settings = fluid(H)
     early, late = closing(lab, DISTANCES, (4, 16), **settings)
@@ -53,7 +53,7 @@ def by_continuity(lab: Lab) -> Finding:
     return _reach(middle, slopes) or _slopes_mass(lab, middle, slopes)
 
 
-def _falling(slopes: Array, pushes: bool) -> Finding:
+def _falling(slopes: Array, pushes: bool) -> Result:
     """Return that densities fall where they should rise; pushes: whether pairs part even so."""
     # thinned particles that push: the slope in the force has the wrong sign, too
     return failed(
@@ -65,7 +65,7 @@ def _falling(slopes: Array, pushes: bool) -> Finding:
     )
 
 
-def _reach(q: Array, slopes: Array) -> Finding | None:
+def _reach(q: Array, slopes: Array) -> Result | None:
     """Return that slopes end elsewhere than at h, None if they don't."""
     size = np.abs(slopes).max()
     far = (q > 1.0) & (np.abs(slopes) > 1e-2 * size)
@@ -85,7 +85,7 @@ def _reach(q: Array, slopes: Array) -> Finding | None:
     return None
 
 
-def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Finding:
+def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Result:
     """Return whether d rho/dt = -rho div v has the right size."""
     found = match(q, slopes, "slope", alike=0.03)
     lab.facts["kernel"] = found.name
@@ -107,7 +107,7 @@ def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Finding:
     )
 
 
-def _deaf(lab: Lab, own: float) -> Finding:
+def _deaf(lab: Lab, own: float) -> Result:
     lists = "neighbors" in lab.shown
     start = case([[H, H], [1.3 * H, H]])
     listed = lists and 1 in lab.make(start).step(STILL * start.dt).neighbors(0)
@@ -120,7 +120,7 @@ def _deaf(lab: Lab, own: float) -> Finding:
     )
 
 
-def uneven(q: Array, one_sided: Array, between: Array, noise: float) -> Finding:
+def uneven(q: Array, one_sided: Array, between: Array, noise: float) -> Result:
     """Return that densities of like pairs differ: between partners (k, 2), or places (k,)."""
     lonely = bool(one_sided.max() > noise)
     bad = one_sided > noise if lonely else np.tile(between > noise, 2)
@@ -166,7 +166,7 @@ _STEP = (
 
 
 @check("density", step=4)
-def isolated(lab: Lab) -> Finding:
+def isolated(lab: Lab) -> Result:
     """Leave particles alone in empty space: is the density positive and everything finite?"""
     start = case(spread(3, H))
     subject = lab.make(start)
@@ -198,7 +198,7 @@ def _first_not_finite(lab: Lab, subject: SolverUnderTest) -> str:
     return next((name for name, each in shown.items() if not np.isfinite(each).all()), "")
 
 
-def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> Finding:
+def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> Result:
     # positions and velocities are what accelerations make of them, which were finite so far
     moved = name not in _LINKS and "a" in lab.shown
     # a division by a density of zero shows in what comes after it
@@ -215,7 +215,7 @@ def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> 
 
 @check("density", step=8, needs=("isolated",), shows=("rho",))
 @tolerant
-def kernel(lab: Lab) -> Finding:
+def kernel(lab: Lab) -> Result:
     """Measure the density kernel by pairs: its shape, where it ends, the particle's own share."""
     ratio, table = SUPPORT, _reacting(lab, SUPPORT)
     if table is None and squeezing(lab):
@@ -250,7 +250,7 @@ def _reacting(lab: Lab, ratio: float) -> Pairs | None:
     return table if np.abs(table.rho - own).max() > 1e-4 * abs(own) else None
 
 
-def _ends(weights: MeasuredWeights) -> Finding | None:
+def _ends(weights: MeasuredWeights) -> Result | None:
     """Return that the kernel ends elsewhere than at h, None if it doesn't."""
     q, values = weights.q, weights.values
     size = np.abs(values).max()
@@ -271,7 +271,7 @@ def _ends(weights: MeasuredWeights) -> Finding | None:
     return None
 
 
-def _own_share(weights: MeasuredWeights) -> Finding | None:
+def _own_share(weights: MeasuredWeights) -> Result | None:
     """Return that a particle's own share is not the kernel's value at 0, None if it is."""
     near, next_ = weights.values[:2]
     step = weights.q[0] / (weights.q[1] - weights.q[0])
@@ -300,7 +300,7 @@ def _own_share(weights: MeasuredWeights) -> Finding | None:
 
 @check("density", step=4, needs=("isolated", "kernel"), shows=("rho",))
 @tolerant
-def density_follows(lab: Lab) -> Finding:
+def density_follows(lab: Lab) -> Result:
     """Let pairs approach each other: do their densities follow?"""
     if lab.facts.get("density") != "summation":
         return skipped("densities are no sums over positions")
@@ -332,7 +332,7 @@ def density_follows(lab: Lab) -> Finding:
 
 @check("density", step=4, needs=("isolated",), shows=("rho",))
 @tolerant
-def interior_density(lab: Lab) -> Finding:
+def interior_density(lab: Lab) -> Result:
     """Set up a lattice at rest: is the density inside near rho0?"""
     share, explained = _inside(lab, H)
     if explained is not None and abs(share / explained - 1) > 0.02:
@@ -390,7 +390,7 @@ _SPEED = 0.3 * C0
 
 
 @check("density", step=4, needs=("isolated",), shows=("rho",))
-def density_in_flow(lab: Lab) -> Finding:
+def density_in_flow(lab: Lab) -> Result:
     """Let a block shrink by its own motion: does the density inside rise as it should?"""
     x = lattice(9, 9)
     half = x.max()

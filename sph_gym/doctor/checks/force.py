@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, Case, H, case, cloud, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import MeasuredWeights
 from sph_gym.doctor.probes import (
@@ -55,7 +55,7 @@ _HALF = (
 
 @check("force", step=3, needs=("isolated",))
 @tolerant
-def momentum(lab: Lab) -> Finding:
+def momentum(lab: Lab) -> Result:
     """Squeeze groups of four, then a cloud: do all forces add up to zero?"""
     ratio = squeezing(lab)
     numbers = {"unit": "of the forces", "tolerance": "1 %"}
@@ -102,7 +102,7 @@ def _left_over(found: Seen, n_groups: int) -> float:
 
 
 @check("force", step=4, needs=("momentum", "flight"))
-def momentum_in_motion(lab: Lab) -> Finding:
+def momentum_in_motion(lab: Lab) -> Result:
     """Let a cloud shrink and burst: do forces add up to zero in every step?"""
     x = cloud(lab.rng, 8, 8, 0.9 * DX, 0.1)
     start = case(x, -0.025 * C0 / DX * (x - x.mean(axis=0)))
@@ -125,7 +125,7 @@ def momentum_in_motion(lab: Lab) -> Finding:
 
 @check("force", step=3, needs=("isolated", "momentum"))
 @tolerant
-def push_apart(lab: Lab) -> Finding:
+def push_apart(lab: Lab) -> Result:
     """Squeeze a blob: do its particles move apart?"""
     for side, spacing in ((5, 0.75), (5, 0.45), (9, 0.3)):
         x = lattice(side, side, spacing * DX, center=(1.0, 1.1))
@@ -145,7 +145,7 @@ def _outward(x: Array, a: Array) -> float:
     return float((a * arms).sum() / (size * np.abs(arms).sum())) if size else 0.0
 
 
-def _apart(lab: Lab, out: float, found: Seen) -> Finding:
+def _apart(lab: Lab, out: float, found: Seen) -> Result:
     numbers = Measured(out, "above 0", unit="of the largest acceleration")
     if out > 0.02:
         return passed("a blob, squeezed, expands", numbers)
@@ -169,7 +169,7 @@ def _pairs_attract(lab: Lab) -> bool:
     return not found.push.min() > -_NONE or found.rho.max() < RHO0
 
 
-def _contracting(lab: Lab, found: Seen) -> Finding:
+def _contracting(lab: Lab, found: Seen) -> Result:
     """Return whether a blob that contracts is pushed apart, where densities are by continuity."""
     early, late = (_in_motion(lab, -1.0, n) for n in (6, 30))
     numbers = {"unit": "c0^2/h"}
@@ -206,7 +206,7 @@ def _in_motion(lab: Lab, rate: float, n_steps: int) -> float:
     return _outward(x, a) * float(np.abs(a).max()) * H / C0**2
 
 
-def _no_push(found: Seen) -> Finding:
+def _no_push(found: Seen) -> Result:
     # comparisons that are true for NaN, too: for what isn't shown
     if found.rho.max() <= 1.05 * RHO0:
         return inconclusive(
@@ -236,7 +236,7 @@ _N_COPIES = 5
 
 @check("force", step=3, needs=("isolated",))
 @tolerant
-def isotropy(lab: Lab) -> Finding:
+def isotropy(lab: Lab) -> Result:
     """Mirror and turn a squeezed group: do the accelerations turn with it?"""
     ratio = squeezing(lab) or SUPPORT
     shape = cluster(7, H, lab.rng, least=0.2) * (1.0 if ratio < 2 else 0.5)
@@ -283,7 +283,7 @@ _TOUCH = (
 
 @check("force", step=3, needs=("isolated",))
 @tolerant
-def coincident(lab: Lab) -> Finding:
+def coincident(lab: Lab) -> Result:
     """Put two particles at one place, alone and in a blob: does everything stay finite?"""
     blob = lattice(5, 5, DX, center=(1.0, 1.1))
     dense = lattice(5, 5, 0.85 * DX, center=(1.0, 1.1))
@@ -315,7 +315,7 @@ def _speed_after(lab: Lab, start: Case) -> float:
 
 @check("force", step=4, needs=("isolated", "kernel", "interior_density"))
 @tolerant
-def dense_group(lab: Lab) -> Finding:
+def dense_group(lab: Lab) -> Result:
     """Crowd 40 particles into one place: are densities their sums, and all finite?"""
     x = cluster(40, 0.6 * H, lab.rng, least=0.03) + np.array([1.0, 1.1])
     start = case(x)

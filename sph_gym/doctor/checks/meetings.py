@@ -6,7 +6,7 @@ import numpy as np
 
 from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, case, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, listed
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.groups import at_rest, difference, felt, present, spread
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -44,7 +44,7 @@ class FreshComparison(NamedTuple):
 
 
 @check("neighbours", step=2, needs=("order", "flight"))
-def long_way(lab: Lab) -> Finding:
+def long_way(lab: Lab) -> Result:
     """Let lone particles fly far from where they began: the search must follow them."""
     angle = 2 * np.pi * np.arange(8) / 8 + 0.2
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -60,7 +60,7 @@ def long_way(lab: Lab) -> Finding:
 
 
 @check("neighbours", step=2, needs=("order",))
-def newcomers(lab: Lab) -> Finding:
+def newcomers(lab: Lab) -> Result:
     """Let two groups fly into each other: does a running solver feel what a new one feels?"""
     known = [_look(lab, _huddle(), n_steps) for n_steps in (2, 4, 6)]
     met = []
@@ -136,7 +136,7 @@ def _unlisted(subject: SolverUnderTest, dt: float) -> int:
     return int((near & (counts == 0) & (counts.T == 0)).sum())
 
 
-def _out_of_date(measured: float, expected: float, unit: str) -> Finding:
+def _out_of_date(measured: float, expected: float, unit: str) -> Result:
     what = (
         f"{measured} pairs nearer than {CLOSE} h are not in the lists"
         if unit == "pairs missing"
@@ -151,7 +151,7 @@ def _out_of_date(measured: float, expected: float, unit: str) -> Finding:
     )
 
 
-def _passing_through(lab: Lab) -> Finding:
+def _passing_through(lab: Lab) -> Result:
     """Compare how much groups slow each other down that come from afar, and that begin near."""
     touching = DX / _meeting(GAP).h
     together, before = round(0.25 / (SPEED * STEP)), round((GAP - touching) / (SPEED * STEP))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import RHO0, TAIT, Array, H
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import KERNELS, Kernel, Match, integral, match
 from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing, tolerant
@@ -34,7 +34,7 @@ class Slope(NamedTuple):
 
 @check("force", step=8, needs=("isolated", "push_apart"), shows=("rho", "p"))
 @tolerant
-def force_kernel(lab: Lab) -> Finding:
+def force_kernel(lab: Lab) -> Result:
     """Measure the slope of the force's kernel by pairs: its shape and its constant."""
     ratio = squeezing(lab)
     slope = None if ratio is None else measure(lab, H, ratio)
@@ -108,7 +108,7 @@ def _slope(
     return Slope(q, values, found, moment / mass, density)
 
 
-def _constant(lab: Lab, slope: Slope, ratio: float) -> Finding:
+def _constant(lab: Lab, slope: Slope, ratio: float) -> Result:
     """Return whether the constant in front of the force's kernel is right."""
     name = slope.found.name or "no known name"
     numbers = {"unit": "of -m dW/dr", "tolerance": "6 %; half is Mueller's form"}

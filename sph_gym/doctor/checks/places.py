@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, FAR
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.groups import Response, difference, disc, felt, respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -28,7 +28,7 @@ _THROWN = "groups at rest burst, which other checks judge"
 
 
 @check("neighbours", step=2, needs=("order",))
-def same_everywhere(lab: Lab) -> Finding:
+def same_everywhere(lab: Lab) -> Result:
     """Put the same group at 26 places: does it feel the same at each?"""
     start, places, members = _copies(lab)
     response = respond(lab, start, np.repeat(places, MEMBERS, axis=0))
@@ -74,7 +74,7 @@ def _explodes(response: Response, start: Case) -> bool:
     return bool(np.abs(response.a).max() > _BURST * start.c0**2 / start.h)
 
 
-def _walled(start: Case, places: Array, wandering: Array) -> Finding:
+def _walled(start: Case, places: Array, wandering: Array) -> Result:
     worst = int(np.argmax(wandering))
     return failed(
         f"groups at rest in open space (case.box is None): the one at {_place(places[worst])} m "
@@ -92,7 +92,7 @@ def _place(place: Array | tuple[float, float]) -> str:
 
 def _unequal(
     lab: Lab, start: Case, places: Array, members: NDArray[np.intp], differs: Array
-) -> Finding:
+) -> Result:
     again = respond(lab, start, np.repeat(places, MEMBERS, axis=0)).take(members)
     if not np.allclose(difference(again, _median(again), start), differs, rtol=0.01, atol=1e-4):
         return inconclusive("the same case twice gives different numbers")
@@ -132,7 +132,7 @@ def _unlike(one: Response, other: Response, start: Case) -> float:
 
 
 @check("neighbours", step=2, needs=("order",))
-def same_when_shifted(lab: Lab) -> Finding:
+def same_when_shifted(lab: Lab) -> Result:
     """Shift a cloud by parts of a cell, to negative coordinates and far away."""
     worst, silent = 0.0, True
     for ratio in (2, 3, 4):
@@ -161,7 +161,7 @@ def same_when_shifted(lab: Lab) -> Finding:
 
 def _shifted(
     lab: Lab, start: Case, moved: Case, here: Response, there: Response, shift: tuple[float, float]
-) -> Finding:
+) -> Result:
     differs = _unlike(there, here, start) if there.finite else np.nan
     again = respond(lab, start, start.x.mean(axis=0))
     if _unlike(again, here, start) > 0.01 * EQUAL:
@@ -181,7 +181,7 @@ def _shifted(
 
 
 @check("neighbours", step=2, needs=("order",))
-def any_order(lab: Lab) -> Finding:
+def any_order(lab: Lab) -> Result:
     """Give the same particles in other orders: does each feel the same?"""
     worst = []
     # much squeezed, for pressure even if half of all pairs are missing; and with 44 neighbours
@@ -214,7 +214,7 @@ def _reordered(lab: Lab, start: Case, here: Response) -> float:
     return worst
 
 
-def _by_order(lab: Lab, start: Case, here: Response, worst: float) -> Finding:
+def _by_order(lab: Lab, start: Case, here: Response, worst: float) -> Result:
     again = respond(lab, start, start.x.mean(axis=0))
     if _unlike(again, here, start) > 0.01 * EQUAL:
         return inconclusive("the same case twice gives different numbers")

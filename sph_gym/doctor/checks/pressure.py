@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, TAIT, Array, Case, H, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.probes import (
     STILL,
@@ -39,7 +39,7 @@ class PressureFit(NamedTuple):
 
 @check("pressure", step=6, needs=("isolated",), shows=("rho", "p"))
 @tolerant
-def equation_of_state(lab: Lab) -> Finding:
+def equation_of_state(lab: Lab) -> Result:
     """Squeeze a cloud: are pressures Tait's for the measured densities?"""
     rho, p = _samples(lab)
     if not (np.isfinite(rho).all() and np.isfinite(p).all()):
@@ -100,7 +100,7 @@ def _fit(ratio: Array, p: Array) -> PressureFit:
     return best
 
 
-def _judge(lab: Lab, law: PressureFit) -> Finding:
+def _judge(lab: Lab, law: PressureFit) -> Result:
     shown = f"B = {law.stiffness:.4g}, gamma = {law.gamma:.3g}"
     wanted = f"B = {TAIT:.4g}, gamma = {GAMMA:g}"
     numbers = {"unit": "Pa", "tolerance": "3 % of B, 0.1 of gamma"}
@@ -137,7 +137,7 @@ def _judge(lab: Lab, law: PressureFit) -> Finding:
     return _stiffness(lab, share, shown, wanted, numbers)
 
 
-def _stiffness(lab: Lab, share: float, shown: str, wanted: str, numbers: dict[str, str]) -> Finding:
+def _stiffness(lab: Lab, share: float, shown: str, wanted: str, numbers: dict[str, str]) -> Result:
     """Return whether a stiffness that isn't rho0 c0^2 / gamma is a fault."""
     subject = lab.make(case(lattice(3, 3)))
     c0 = subject.number("c0") if "c0" in lab.shown else None
@@ -165,7 +165,7 @@ def _stiffness(lab: Lab, share: float, shown: str, wanted: str, numbers: dict[st
 
 @check("pressure", step=5, needs=("isolated",), shows=("rho", "p"))
 @tolerant
-def clamp(lab: Lab) -> Finding:
+def clamp(lab: Lab) -> Result:
     """Look at pairs far below rho0: do pressures below zero pull them together?"""
     if lab.facts.get("density") == "continuity":
         return skipped("densities by continuity don't fall at a free surface")
@@ -215,7 +215,7 @@ _IN_TIME = (
 
 @check("pressure", step=4, needs=("isolated", "equation_of_state"), shows=("rho", "p"))
 @tolerant
-def pressure_in_time(lab: Lab) -> Finding:
+def pressure_in_time(lab: Lab) -> Result:
     """Let pairs collide: does each pressure belong to the density of the same evaluation?"""
     if lab.facts.get("density") != "summation":
         return skipped("densities are no sums over positions")
@@ -224,7 +224,7 @@ def pressure_in_time(lab: Lab) -> Finding:
     return _after_motion(lab)
 
 
-def _evaluated_twice(lab: Lab) -> Finding | None:
+def _evaluated_twice(lab: Lab) -> Result | None:
     """Return that a second evaluation gives other pressures, None if it doesn't."""
     x = lattice(5, 5, 0.8 * DX, center=(1.0, 1.1))
     subject = lab.make(case(x)).evaluate()
@@ -245,7 +245,7 @@ def _evaluated_twice(lab: Lab) -> Finding | None:
     )
 
 
-def _after_motion(lab: Lab) -> Finding:
+def _after_motion(lab: Lab) -> Result:
     """Return whether pairs that moved are pushed by the pressures of where they are now."""
     ratio = squeezing(lab)
     if ratio is None:
@@ -266,7 +266,7 @@ def _after_motion(lab: Lab) -> Finding:
     return _in_time(a, settled, *(fields(lab, case(where, **settings)) for where in places))
 
 
-def _in_time(a: Array, settled: Array, now: Seen, *earlier: Seen) -> Finding:
+def _in_time(a: Array, settled: Array, now: Seen, *earlier: Seen) -> Result:
     """Return which pressures made the accelerations a.
 
     settled: accelerations when particles stand still; earlier: moments of the step before.

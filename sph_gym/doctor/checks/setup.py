@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import DX, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, passed
 from sph_gym.doctor.lab import OPTIONAL, TINY, Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import Misfit
@@ -19,7 +19,7 @@ _SORTED = (
 
 
 @check("setup", needs=())
-def adapter(lab: Lab) -> Finding:
+def adapter(lab: Lab) -> Result:
     """Make a solver for nine particles, do two steps, read everything that it shows."""
     x = lattice(3, 3, 1.1 * DX)
     nine = case(x)
@@ -67,7 +67,7 @@ def _first_bad(values: dict[str, np.ndarray]) -> str:
 
 
 @check("setup")
-def order(lab: Lab) -> Finding:
+def order(lab: Lab) -> Result:
     """Let particles that don't touch fly apart: does each keep its place in x and v?"""
     # in an order that no grid would choose
     x = lattice(4, 4, 1.5 * DX * 3)[lab.rng.permutation(16)]
@@ -88,7 +88,7 @@ def order(lab: Lab) -> Finding:
     )
 
 
-def _exchanged(moved: np.ndarray, turned: np.ndarray, n_steps: int) -> Finding:
+def _exchanged(moved: np.ndarray, turned: np.ndarray, n_steps: int) -> Result:
     """Return what is wrong; moved, turned: whose position and velocity each particle has."""
     together = (moved == turned).all()
     text = "16 particles far apart: " + (

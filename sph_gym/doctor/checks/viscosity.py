@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
 
@@ -128,7 +128,7 @@ _NONE = "the same with case.viscosity and without: shows none"
 
 
 @check("viscosity", step=7, needs=("order",))
-def viscosity_damps(lab: Lab) -> Finding:
+def viscosity_damps(lab: Lab) -> Result:
     """Give a lattice a shear and random velocities: does viscosity brake or drive them?"""
     way = way_of(lab)
     if way is None:
@@ -156,7 +156,7 @@ def viscosity_damps(lab: Lab) -> Finding:
 
 
 @check("viscosity", step=7, needs=("viscosity_damps",))
-def viscosity_relative(lab: Lab) -> Finding:
+def viscosity_relative(lab: Lab) -> Result:
     """Add one velocity to all particles: viscosity must not notice."""
     way = way_of(lab)
     if way is None:
@@ -181,7 +181,7 @@ def viscosity_relative(lab: Lab) -> Finding:
 
 
 @check("viscosity", step=7, needs=("viscosity_damps",))
-def viscosity_momentum(lab: Lab) -> Finding:
+def viscosity_momentum(lab: Lab) -> Result:
     """Move one particle in a lattice: what viscosity takes from it, its neighbours must get."""
     way = way_of(lab)
     if way is None:
@@ -203,7 +203,7 @@ def viscosity_momentum(lab: Lab) -> Finding:
 
 
 @check("viscosity", step=7, needs=("viscosity_relative", "viscosity_momentum"))
-def viscosity_strength(lab: Lab) -> Finding:
+def viscosity_strength(lab: Lab) -> Result:
     """Measure the viscosity of a shear, at two speeds of sound, sizes and viscosities."""
     way = way_of(lab)
     if way is None:
@@ -224,7 +224,7 @@ def viscosity_strength(lab: Lab) -> Finding:
     return _by_form(lab, way)
 
 
-def _by_form(lab: Lab, way: Way) -> Finding:
+def _by_form(lab: Lab, way: Way) -> Result:
     """Judge the strength by what it depends on."""
     nu = effective(lab, way)
     others = [
@@ -254,7 +254,7 @@ def _by_form(lab: Lab, way: Way) -> Finding:
     return inconclusive(text, numbers)
 
 
-def _by_weight(way: Way, nu: float, kind: int) -> Finding:
+def _by_weight(way: Way, nu: float, kind: int) -> Result:
     asked = way.viscosity * (C0 * 3 * DX) ** kind
     return failed(
         f"viscosity is {nu / asked:.2g} of what was asked for, four times as much with twice h",
@@ -264,7 +264,7 @@ def _by_weight(way: Way, nu: float, kind: int) -> Finding:
     )
 
 
-def _artificial(alpha: float) -> Finding:
+def _artificial(alpha: float) -> Result:
     text = "viscosity is proportional to c0 h: case.viscosity is taken for alpha"
     if not alpha < 1:
         return inconclusive(f"{text}; nu = {alpha:.2g} alpha c0 h", Measured(alpha, "1/32 to 1/8"))
@@ -281,7 +281,7 @@ def _shares(way: Way, nu: float, asked: float) -> tuple[float, str]:
     return dynamic, "dynamic"
 
 
-def _clean(lab: Lab, way: Way, nu: float) -> Finding:
+def _clean(lab: Lab, way: Way, nu: float) -> Result:
     """Judge a viscosity that depends on nothing but case.viscosity."""
     share, kind = _shares(way, nu, way.viscosity)
     if RIGHT[0] < share < RIGHT[1]:
@@ -315,7 +315,7 @@ def _linear(lab: Lab, way: Way) -> bool:
     return bool(np.abs(drag + turned).max() < 0.02 * np.abs(drag).max())
 
 
-def _too_thick(share: float, what: str) -> Finding:
+def _too_thick(share: float, what: str) -> Result:
     return failed(
         f"a shear of 81 particles: {what.format(share)}",
         "Viscosity is applied twice, and the fluid will be like jelly: once as a force and once "
@@ -324,7 +324,7 @@ def _too_thick(share: float, what: str) -> Finding:
     )
 
 
-def _inverse(way: Way, nu: float) -> Finding:
+def _inverse(way: Way, nu: float) -> Result:
     """Judge a viscosity that goes with 1 / h, as constants of three dimensions make it."""
     h = 3 * DX
     share, kind = _shares(way, nu * h, way.viscosity)
@@ -340,7 +340,7 @@ def _inverse(way: Way, nu: float) -> Finding:
 
 
 @check("viscosity", step=7, needs=("order",))
-def no_jelly(lab: Lab) -> Finding:
+def no_jelly(lab: Lab) -> Result:
     """Measure what brakes a shear although no viscosity was asked for."""
     h = 3 * DX
     share = built_in(lab) / (C0 * h)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sph_gym.doctor import throws
 from sph_gym.doctor.case import DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.whole import QUARTER, STEPS, RunEnd, follow
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.throws import OUTSIDE, SIDES, Throw
@@ -29,7 +29,7 @@ _BUILD = (
 
 
 @check("walls", needs=("flight", "blob"))
-def thrown_alone(lab: Lab) -> Finding:
+def thrown_alone(lab: Lab) -> Result:
     """Throw lone particles at all sides and corners: do they stop, and how do they come back?"""
     runs = [throws.alone(lab, speed, _LONG) for speed in (_SLOW, _FAST)]
     if not all(run.finite for run in runs):
@@ -55,7 +55,7 @@ def thrown_alone(lab: Lab) -> Finding:
     return _tremble(runs) or _gap(lab, runs) or _judge_return(lab, runs)
 
 
-def _tremble(runs: list[Throw]) -> Finding | None:
+def _tremble(runs: list[Throw]) -> Result | None:
     """Return at which sides particles turn again and again, None if nowhere."""
     names = [name for run in runs for name in _names(run, run.trembling())]
     if not names:
@@ -69,7 +69,7 @@ def _tremble(runs: list[Throw]) -> Finding | None:
     )
 
 
-def _gap(lab: Lab, runs: list[Throw]) -> Finding | None:
+def _gap(lab: Lab, runs: list[Throw]) -> Result | None:
     """Return where lone particles fly on as if nothing was there, if other sides turn them."""
     sharp = np.array([[run.sharp(k) for k in range(4)] for run in runs])
     lab.facts["sharp walls"] = sharp
@@ -85,7 +85,7 @@ def _gap(lab: Lab, runs: list[Throw]) -> Finding | None:
     )
 
 
-def _not_finite(runs: list[Throw]) -> Finding:
+def _not_finite(runs: list[Throw]) -> Result:
     late = all(np.isfinite(run.x[:4]).all() for run in runs)
     if not late:
         return inconclusive("lone particles in a box are not finite, which other checks judge")
@@ -104,7 +104,7 @@ def _listed(names: list[str]) -> str:
     return ", ".join(dict.fromkeys(names))
 
 
-def _judge_return(lab: Lab, runs: list[Throw]) -> Finding:
+def _judge_return(lab: Lab, runs: list[Throw]) -> Result:
     """Judge the speeds after the bounce, of sides that turn a particle in a step and of others."""
     sharp = lab.facts["sharp walls"]
     back = [-run.towards[-1] for run in runs]
@@ -134,7 +134,7 @@ def _judge_return(lab: Lab, runs: list[Throw]) -> Finding:
 
 
 @check("walls", needs=("thrown_alone",))
-def thrown_blocks(lab: Lab) -> Finding:
+def thrown_blocks(lab: Lab) -> Result:
     """Throw blocks of particles at each side: none may end beyond it, nor with more energy."""
     runs = []
     for speed in (_SLOW, _FAST):
@@ -158,7 +158,7 @@ def thrown_blocks(lab: Lab) -> Finding:
     )
 
 
-def _blocks_not_finite(lab: Lab) -> Finding:
+def _blocks_not_finite(lab: Lab) -> Result:
     if not throws.blocks(lab, _FAST, _LONG, box=False).finite:
         return inconclusive("blocks are not finite in open space either, which other checks judge")
     return failed(
@@ -169,7 +169,7 @@ def _blocks_not_finite(lab: Lab) -> Finding:
     )
 
 
-def _leak(lab: Lab, run: Throw, speed: float) -> Finding:
+def _leak(lab: Lab, run: Throw, speed: float) -> Result:
     """Judge particles that ended outside; walls of forces may need gravity to be there."""
     shares = [run.lost_share(k) for k in range(4)]
     worst = int(np.argmax(shares))
@@ -224,7 +224,7 @@ def _pattern(shares: list[float], speed: float) -> str:
     return f": nothing stops them at {_listed(leaking)}"
 
 
-def _more_energy(lab: Lab, run: Throw) -> Finding:
+def _more_energy(lab: Lab, run: Throw) -> Result:
     short = throws.blocks(lab, _FAST, _SHORT)
     free = throws.blocks(lab, _FAST, _LONG, box=False)
     numbers = (run.energy, "<= 1")
@@ -244,7 +244,7 @@ def _more_energy(lab: Lab, run: Throw) -> Finding:
 
 
 @check("walls", needs=("thrown_alone", "thrown_blocks"))
-def tunnelling(lab: Lab) -> Finding:
+def tunnelling(lab: Lab) -> Result:
     """Throw lone particles with the speed of sound at sides that stopped slower ones at once."""
     sharp = lab.facts.get("sharp walls")
     if sharp is None or not sharp.all():
@@ -268,7 +268,7 @@ def tunnelling(lab: Lab) -> Finding:
 
 
 @check("walls", needs=("thrown_blocks", "free_fall"))
-def standing(lab: Lab) -> Finding:
+def standing(lab: Lab) -> Result:
     """Let a filled box stand under gravity: no particle may leave it, and nothing may explode."""
     columns, rows, g = 8, 6, 8.0
     x = lattice(columns, rows)
@@ -299,7 +299,7 @@ _STIFF = 0.01
 
 
 @check("walls", needs=("free_fall",), last=True)
-def dam_break(lab: Lab) -> Finding:
+def dam_break(lab: Lab) -> Result:
     """Let a column of 10 x 10 particles fall apart in a box: a tenth of what a dam break is."""
     x = lattice(10, 10)
     # a spacing from the sides: walls whose first particles are on the side need as much
@@ -338,7 +338,7 @@ def _outside(x: Array, start: Case) -> float:
     return float(max((low - x).max(), (x - high).max()))
 
 
-def _dam_not_finite(lab: Lab, start: Case, told: str) -> Finding:
+def _dam_not_finite(lab: Lab, start: Case, told: str) -> Result:
     numbers = Measured("not finite", "finite")
     if follow(lab, start, start.dt / 2, 2 * STEPS).finite:
         return failed(
@@ -356,7 +356,7 @@ def _dam_not_finite(lab: Lab, start: Case, told: str) -> Finding:
     )
 
 
-def _too_lively(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
+def _too_lively(lab: Lab, start: Case, told: str, run: RunEnd) -> Result:
     unit = 9.81 * 10 * DX
     short = follow(lab, start, start.dt / 2, 2 * STEPS)
     free = follow(lab, replace(start, box=None, gravity=np.zeros(2)), 2 * start.dt, STEPS)
@@ -379,7 +379,7 @@ def _too_lively(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
     return inconclusive(f"{told}: it gains more energy than it had", numbers)
 
 
-def _stays(told: str, front: float, energy: float) -> Finding:
+def _stays(told: str, front: float, energy: float) -> Result:
     numbers = Measured(front, "> 2", unit="dx")
     if energy < _STIFF:
         return failed(

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 
@@ -51,7 +51,7 @@ def follow(lab: Lab, start: Case, dt: float, steps: int) -> RunEnd:
 
 
 @check("setup", needs=("order",), last=True)
-def reproducible(lab: Lab) -> Finding:
+def reproducible(lab: Lab) -> Result:
     """Do the same case twice: the second solver must do what the first one did."""
     x = lattice(5, 5, 0.9 * DX)
     start = case(x + lab.rng.uniform(-0.05, 0.05, x.shape) * DX)
@@ -70,7 +70,7 @@ def reproducible(lab: Lab) -> Finding:
 
 
 @check("pressure", step=5, last=True)
-def suction(lab: Lab) -> Finding:
+def suction(lab: Lab) -> Result:
     """Let a block stand that is stretched by a tenth: nothing may pull it together."""
     start = case(lattice(5, 5, 1.1 * DX))
     a = lab.acceleration(start)
@@ -90,7 +90,7 @@ def suction(lab: Lab) -> Finding:
 
 
 @check("force", step=3, last=True)
-def blob(lab: Lab) -> Finding:
+def blob(lab: Lab) -> Result:
     """Squeeze a blob by 3 % in empty space: it must neither explode nor run away."""
     start = case(lattice(8, 8, 0.97 * DX))
     run = follow(lab, start, start.dt, STEPS)
@@ -110,7 +110,7 @@ def blob(lab: Lab) -> Finding:
     )
 
 
-def _exploded(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
+def _exploded(lab: Lab, start: Case, told: str, run: RunEnd) -> Result:
     """Tell an explosion by the length of the step from one by the forces."""
     calm = follow(lab, start, start.dt / 4, 2 * STEPS)
     numbers = Measured(
@@ -134,7 +134,7 @@ def _exploded(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
 
 
 @check("pressure", step=6, last=True)
-def expansion(lab: Lab) -> Finding:
+def expansion(lab: Lab) -> Result:
     """Let a blob expand that is squeezed to 0.9 dx: what it gains must have been stored in it."""
     start = case(lattice(8, 8, 0.9 * DX))
     stored = _stored(start, 0.9**-2)

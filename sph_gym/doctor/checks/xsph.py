@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.viscosity import middle_first
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
 
@@ -115,7 +115,7 @@ _FORMULA = "The formula: x += dt (v_i + eps sum_j m_j / rho_j (v_j - v_i) W)"
 
 
 @check("xsph", step=7, needs=("order",))
-def xsph_off(lab: Lab) -> Finding:
+def xsph_off(lab: Lab) -> Result:
     """Give a lattice random velocities, epsilon = 0: does every particle move by its own?"""
     if why := disturbed(lab):
         return inconclusive(why)
@@ -135,7 +135,7 @@ def xsph_off(lab: Lab) -> Finding:
     return passed("with epsilon = 0, particles move by their velocities", numbers)
 
 
-def _useless(lab: Lab) -> Finding | None:
+def _useless(lab: Lab) -> Result | None:
     """Return why XSPH can't be judged, None if it can."""
     if why := disturbed(lab):
         return inconclusive(why)
@@ -145,7 +145,7 @@ def _useless(lab: Lab) -> Finding | None:
 
 
 @check("xsph", step=7, needs=("xsph_off",))
-def xsph_smooths(lab: Lab) -> Finding:
+def xsph_smooths(lab: Lab) -> Result:
     """Give a lattice random velocities: does XSPH bring displacements nearer to each other?"""
     if useless := _useless(lab):
         return useless
@@ -165,7 +165,7 @@ def xsph_smooths(lab: Lab) -> Finding:
     return passed(text, numbers)
 
 
-def _too_much(lab: Lab, taken: float, text: str) -> Finding:
+def _too_much(lab: Lab, taken: float, text: str) -> Result:
     start = random_motion(lab)
     halved = share(added(lab, start, step=STEP / 2), start) / EPSILON
     cause = "Divide by the density: m_j / rho_j is the volume of a particle, about dx^2. "
@@ -179,7 +179,7 @@ def _too_much(lab: Lab, taken: float, text: str) -> Finding:
 
 
 @check("xsph", step=7, needs=("xsph_smooths",))
-def xsph_epsilon(lab: Lab) -> Finding:
+def xsph_epsilon(lab: Lab) -> Result:
     """Halve epsilon: does XSPH do half as much?"""
     if useless := _useless(lab):
         return useless
@@ -199,7 +199,7 @@ def xsph_epsilon(lab: Lab) -> Finding:
 
 
 @check("xsph", step=7, needs=("xsph_smooths",))
-def xsph_relative(lab: Lab) -> Finding:
+def xsph_relative(lab: Lab) -> Result:
     """Give all particles the same velocity: XSPH has nothing to smooth."""
     if useless := _useless(lab):
         return useless
@@ -220,7 +220,7 @@ def xsph_relative(lab: Lab) -> Finding:
 
 
 @check("xsph", step=7, needs=("xsph_smooths", "xsph_relative"))
-def xsph_momentum(lab: Lab) -> Finding:
+def xsph_momentum(lab: Lab) -> Result:
     """Move one particle in a lattice: what XSPH takes from it, its neighbours must get."""
     if useless := _useless(lab):
         return useless
@@ -241,7 +241,7 @@ def xsph_momentum(lab: Lab) -> Finding:
 
 
 @check("xsph", step=7, needs=("xsph_smooths",))
-def xsph_moves_only(lab: Lab) -> Finding:
+def xsph_moves_only(lab: Lab) -> Result:
     """Compare velocities with XSPH and without: it must not change them."""
     if useless := _useless(lab):
         return useless

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading.frames import Array
@@ -19,7 +19,7 @@ SURPLUS = 0.3
 BURST = 1.0
 
 
-def momentum(survey: RecordingSurvey) -> Finding:
+def momentum(survey: RecordingSurvey) -> Result:
     """Compare the mean velocity of the fluid with that of a free fall."""
     looks, scene = survey.looks, survey.known.scene
     if survey.first.v is None or survey.change is not None or len(looks) < 3:
@@ -45,7 +45,7 @@ def momentum(survey: RecordingSurvey) -> Finding:
     )
 
 
-def _free_fall(survey: RecordingSurvey, scene: Scene, change: Array, size: float) -> Finding:
+def _free_fall(survey: RecordingSurvey, scene: Scene, change: Array, size: float) -> Result:
     """Compare the change of the mean velocity (frames, d) with what the scene's gravity does."""
     effects = scene.effects
     if scene.walls is not None or (effects.field is not None and not _uniform(scene)):
@@ -65,7 +65,7 @@ def _free_fall(survey: RecordingSurvey, scene: Scene, change: Array, size: float
     )
 
 
-def energy(survey: RecordingSurvey) -> Finding:
+def energy(survey: RecordingSurvey) -> Result:
     """Look for kinetic energy that neither gravity nor compression can have given."""
     if survey.first.v is None or survey.n_frames < 2:
         return skipped("needs velocities and two frames")
@@ -92,7 +92,7 @@ _CAUSES = (
 )
 
 
-def _balance(survey: RecordingSurvey, scene: Scene, kinetic: Array) -> Finding:
+def _balance(survey: RecordingSurvey, scene: Scene, kinetic: Array) -> Result:
     g = scene.effects.gravity_at(0.0)
     potential = np.array([-float(g @ look.center) for look in survey.looks])
     stored = _stored(survey, scene)

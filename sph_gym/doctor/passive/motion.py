@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.identity import interval
 from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
@@ -38,7 +38,7 @@ class FrameStep(NamedTuple):
     aside: float
 
 
-def motion(survey: RecordingSurvey) -> Finding:
+def motion(survey: RecordingSurvey) -> Result:
     """Compare displacements between frames with velocities, for particles of steady velocity."""
     if survey.first.v is None:
         return skipped("the recording has no velocities")
@@ -79,7 +79,7 @@ def motion(survey: RecordingSurvey) -> Finding:
     )
 
 
-def _unrelated(steps: list[FrameStep]) -> Finding:
+def _unrelated(steps: list[FrameStep]) -> Result:
     aside = float(np.median([step.aside for step in steps]))
     return failed(
         "velocities hardly change from frame to frame, and yet particles move across them: "
@@ -111,7 +111,7 @@ def _step(a: Frame, b: Frame, told: float) -> FrameStep | None:
     )
 
 
-def frozen(survey: RecordingSurvey) -> Finding:
+def frozen(survey: RecordingSurvey) -> Result:
     """Look for particles that have a velocity and stay where they are, in all frames."""
     if survey.first.v is None or survey.reordered or survey.change is not None:
         return skipped("needs velocities, and the same particles in all frames")
@@ -145,7 +145,7 @@ def frozen(survey: RecordingSurvey) -> Finding:
     )
 
 
-def speeds(survey: RecordingSurvey) -> Finding:
+def speeds(survey: RecordingSurvey) -> Result:
     """Compare speeds with the speed of sound, told or found in the equation of state."""
     if survey.first.v is None:
         return skipped("the recording has no velocities")
@@ -161,7 +161,7 @@ def speeds(survey: RecordingSurvey) -> Finding:
     return _judged(float(fast), float(burst), c, max(look.top_speed for look in survey.looks) / c)
 
 
-def _judged(fast: float, burst: float, c: float, top: float) -> Finding:
+def _judged(fast: float, burst: float, c: float, top: float) -> Result:
     if burst > MANY:
         return failed(
             f"{100 * burst:.0f} % of the particles are faster than {BURST:g} times the speed of "

@@ -96,3 +96,8 @@ def interior(x: Array, margin: float) -> NDArray[np.bool_]:
     """Return which particles are at least `margin` [m] inside the rectangle around all of them."""
     low, high = x.min(axis=0), x.max(axis=0)
     return np.asarray(np.all((x >= low + margin) & (x <= high - margin), axis=1))
+
+
+def all_finite(*arrays: Any) -> bool:
+    """Return whether all numbers of these arrays are finite."""
+    return all(bool(np.isfinite(each).all()) for each in arrays)

@@ -3,6 +3,7 @@
 import importlib.util
 import sys
 import time
+import traceback
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from importlib import import_module
@@ -10,7 +11,15 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 
 from sph_gym.doctor import checks as _checks  # noqa: F401  (fills CHECKS)
-from sph_gym.doctor.diagnosis import Diagnosis, Result, blocked, error, inconclusive, skipped
+from sph_gym.doctor.diagnosis import (
+    Diagnosis,
+    Ends,
+    Result,
+    blocked,
+    error,
+    inconclusive,
+    skipped,
+)
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import CHECKS, Check
 from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, TooSlow, Unsupported, Waits
@@ -94,7 +103,12 @@ class Checkup:
             if check.name == FIRST:
                 return error(f"not even nine particles: {reason}", _UNFIT)
             return skipped(f"the solver does not support this case: {reason}")
+        except Ends as early:
+            found: Result = early.args[0]
+            return found
         except Crash as reason:
+            if check.may_refuse and _is_on_purpose(reason):
+                return inconclusive(f"the solver stopped by itself: {reason}")
             remedy = "Read the exception; run the same case under a debugger."
             return error(f"{check.summary} {reason}", remedy)
         except Hang as reason:
@@ -109,6 +123,14 @@ class Checkup:
                 return error(f"{reason!r:.200}", _UNFIT)
             kind = "" if isinstance(reason, ValueError) else f"{type(reason).__name__}: "
             return inconclusive(f"the measured numbers could not be used: {kind}{reason}"[:300])
+
+
+def _is_on_purpose(error: Crash) -> bool:
+    """Return whether a solver raised an error on purpose, and not because of a NaN."""
+    trace = traceback.extract_tb(error.__cause__.__traceback__ if error.__cause__ else None)
+    line = (trace[-1].line or "") if trace else ""
+    text = f"{error.__cause__}".lower()
+    return line.startswith(("raise", "assert")) and not any(w in text for w in ("nan", "finite"))
 
 
 def _waits_for(check: Check) -> Collection[str]:

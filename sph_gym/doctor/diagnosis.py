@@ -112,6 +112,16 @@ def blocked(message: str) -> Result:
     return Result("", "", "blocked", message=message)
 
 
+class Ends(Exception):
+    """A check ends before its last line, with the result that is given."""
+
+
+def need(condition: Any, message: str, numbers: Measured = NOTHING) -> None:
+    """End the check as inconclusive unless the condition holds."""
+    if not condition:
+        raise Ends(inconclusive(message, numbers))
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """All results, put into the order of the chain. `print(diagnosis)` shows them."""

@@ -4,17 +4,14 @@ All probes lie in the positive quadrant and not far from the origin, so that a n
 that fails elsewhere doesn't spoil what is measured of the laws.
 """
 
-import traceback
 from collections.abc import Callable
-from functools import wraps
 from typing import NamedTuple
 
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive
+from sph_gym.doctor.diagnosis import Measured, Result, failed
 from sph_gym.doctor.lab import Lab, once
-from sph_gym.doctor.registry import CheckFunction
 from sph_gym.doctor.subject import Crash, SolverUnderTest
 
 # Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
@@ -217,33 +214,6 @@ def takes(lab: Lab, ratio: float) -> bool:
     except Crash:
         return False
     return bool(np.isfinite(v).all())
-
-
-def tolerant(function: CheckFunction) -> CheckFunction:
-    """Make a check inconclusive where the solver refuses to go on.
-
-    Some watch their numbers and raise an error in states that are far from a fluid's, as those of
-    pairs at h = dx are.
-    """
-
-    @wraps(function)
-    def check(lab: Lab) -> Result:
-        try:
-            return function(lab)
-        except Crash as error:
-            if _refused(error):
-                return inconclusive(f"the solver stopped by itself: {error}")
-            raise
-
-    return check
-
-
-def _refused(error: Crash) -> bool:
-    """Return whether a solver raised an error on purpose, and not because of a NaN."""
-    trace = traceback.extract_tb(error.__cause__.__traceback__ if error.__cause__ else None)
-    line = (trace[-1].line or "") if trace else ""
-    text = f"{error.__cause__}".lower()
-    return line.startswith(("raise", "assert")) and not any(w in text for w in ("nan", "finite"))
 
 
 def cluster(n: int, h: float, rng: np.random.Generator, least: float = 0.25) -> Array:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, case, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
+from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, all_finite, case, lattice
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.pair_law import (
     CLEARLY,
@@ -29,7 +29,6 @@ from sph_gym.doctor.probes import (
     pairs_case,
     squeezing,
     takes,
-    tolerant,
     triangles,
 )
 from sph_gym.doctor.registry import check
@@ -40,8 +39,7 @@ _IN_ORDER = "In every step: densities of all particles first, then pressures, th
 _NONE, _PUSH = 2 * ROUNDING, 2e-2
 
 
-@check("force", step=4, needs=("isolated",))
-@tolerant
+@check("force", step=4, needs=("isolated",), may_refuse=True)
 def steady(lab: Lab) -> Result:
     """Let squeezed pairs stand still for 30 tiny steps: do forces stay what they are?"""
     ratio = squeezing(lab)
@@ -69,8 +67,7 @@ def steady(lab: Lab) -> Result:
     )
 
 
-@check("force", step=8, needs=("isolated", "push_apart", "momentum", "isotropy"))
-@tolerant
+@check("force", step=8, needs=("isolated", "push_apart", "momentum", "isotropy"), may_refuse=True)
 def pair_law(lab: Lab) -> Result:
     """Measure the force of pairs in several cases: which densities, law and kernel explain it?"""
     if {"rho", "p"} <= lab.shown:
@@ -79,8 +76,7 @@ def pair_law(lab: Lab) -> Result:
     if ratio is None:
         return inconclusive("the solver takes no case in which a pair is under pressure")
     series = _measured(lab, ratio)
-    if not all(np.isfinite(one.force).all() for one in series):
-        return inconclusive("forces of pairs are not finite")
+    need(all_finite(*(one.force for one in series)), "forces of pairs are not finite")
     least = _NONE if series[0].start is None else 1e-2 * _NONE
     if sum(int((np.abs(one.force) > least).sum()) for one in series) < 10:
         return inconclusive("too few pairs push or pull each other")
@@ -170,8 +166,7 @@ def _another_stiffness(series: list[PairForces]) -> Result | None:
     )
 
 
-@check("density", step=4, needs=("isolated", "pair_law"))
-@tolerant
+@check("density", step=4, needs=("isolated", "pair_law"), may_refuse=True)
 def rest_spacing(lab: Lab) -> Result:
     """Set up lattices at rest, close and wide: is it near dx that they begin to push?"""
     if "rho" in lab.shown:
@@ -214,8 +209,7 @@ def _outward(lab: Lab, h: float, spacing: float) -> float:
     return float((a * arm).sum() / np.linalg.norm(arm, axis=1).sum()) * h / C0**2
 
 
-@check("force", step=4, needs=("isolated", "momentum_in_motion", "pair_law"))
-@tolerant
+@check("force", step=4, needs=("isolated", "momentum_in_motion", "pair_law"), may_refuse=True)
 def push_in_time(lab: Lab) -> Result:
     """Let pairs collide: are they pushed by the densities and pressures of where they are?"""
     law = lab.facts.get("law")
@@ -272,8 +266,7 @@ def _in_time(
 
     right, first, *late = (force(law, each, now.q) for each in (now, start, *lasts))
     size = float(np.abs(right).max())
-    if not size:
-        return inconclusive("colliding pairs came under no pressure")
+    need(size, "colliding pairs came under no pressure")
     # the density in p / rho^2 may be the new one, and a leapfrog's push is half of the old one
     late += [
         force(law, each, now.q) * (density(law, each) / density(law, now)) ** 2 for each in lasts

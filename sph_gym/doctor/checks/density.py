@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, interior, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import Match, MeasuredWeights, integral, lattice_sum, match
 from sph_gym.doctor.probes import (
@@ -16,7 +16,6 @@ from sph_gym.doctor.probes import (
     pairs,
     spread,
     squeezing,
-    tolerant,
 )
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import SolverUnderTest
@@ -98,8 +97,7 @@ def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Result:
             f"densities by continuity; the kernel is {name}",
             Measured(share, 1.0, unit="of -rho div v"),
         )
-    if not found.kernel:
-        return inconclusive("densities by continuity, kernel unknown", Measured(share, 1.0))
+    need(found.kernel, "densities by continuity, kernel unknown", Measured(share, 1.0))
     return failed(
         f"pairs that approach each other: d rho/dt = -rho div v is off ({name} kernel)",
         factor_remedy(share, H, found),
@@ -213,8 +211,7 @@ def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> 
     )
 
 
-@check("density", step=8, needs=("isolated",), shows=("rho",))
-@tolerant
+@check("density", step=8, needs=("isolated",), shows=("rho",), may_refuse=True)
 def kernel(lab: Lab) -> Result:
     """Measure the density kernel by pairs: its shape, where it ends, the particle's own share."""
     ratio, table = SUPPORT, _reacting(lab, SUPPORT)
@@ -298,8 +295,7 @@ def _own_share(weights: MeasuredWeights) -> Result | None:
     )
 
 
-@check("density", step=4, needs=("isolated", "kernel"), shows=("rho",))
-@tolerant
+@check("density", step=4, needs=("isolated", "kernel"), shows=("rho",), may_refuse=True)
 def density_follows(lab: Lab) -> Result:
     """Let pairs approach each other: do their densities follow?"""
     if lab.facts.get("density") != "summation":
@@ -330,8 +326,7 @@ def density_follows(lab: Lab) -> Result:
     return inconclusive("densities of moving pairs are not those of their positions", numbers)
 
 
-@check("density", step=4, needs=("isolated",), shows=("rho",))
-@tolerant
+@check("density", step=4, needs=("isolated",), shows=("rho",), may_refuse=True)
 def interior_density(lab: Lab) -> Result:
     """Set up a lattice at rest: is the density inside near rho0?"""
     share, explained = _inside(lab, H)
@@ -401,11 +396,12 @@ def density_in_flow(lab: Lab) -> Result:
     rise, narrower = subject.get("rho") - begun, np.ptp(subject.x[:, 0]) / width
     # the nine in the middle, which no surface is near
     inside = np.abs(x).max(axis=1) < 1.5 * DX
-    if not np.isfinite(rise).all():
-        return inconclusive("the block is not finite, which other checks judge")
+    need(np.isfinite(rise).all(), "the block is not finite, which other checks judge")
     planned = _SHRINK * _STEPS / (_STEPS + 1)
-    if not 0.9 < (1 - narrower) / planned < 1.5:
-        return inconclusive("the block does not shrink as it moves, which other checks judge")
+    need(
+        0.9 < (1 - narrower) / planned < 1.5,
+        "the block does not shrink as it moves, which other checks judge",
+    )
     expected = RHO0 * (narrower**-2 - 1)
     share = float(np.median(rise[inside]) / expected)
     told = f"a block of 9 x 9 becomes {1 - narrower:.1%} narrower by its own motion"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, Case, H, case, cloud, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import MeasuredWeights
 from sph_gym.doctor.probes import (
@@ -19,7 +19,6 @@ from sph_gym.doctor.probes import (
     passing,
     pressed,
     squeezing,
-    tolerant,
 )
 from sph_gym.doctor.registry import check
 
@@ -53,8 +52,7 @@ _HALF = (
 )
 
 
-@check("force", step=3, needs=("isolated",))
-@tolerant
+@check("force", step=3, needs=("isolated",), may_refuse=True)
 def momentum(lab: Lab) -> Result:
     """Squeeze groups of four, then a cloud: do all forces add up to zero?"""
     ratio = squeezing(lab)
@@ -79,10 +77,7 @@ def momentum(lab: Lab) -> Result:
             link, remedy = "neighbours", LISTS
         return failed(what, remedy, Measured(large, 0.0, **numbers), link=link)
     worst = max(small, large)
-    if not worst >= 0:
-        return inconclusive(
-            "nothing pushes in groups under pressure", Measured(worst, 0.0, **numbers)
-        )
+    need(worst >= 0, "nothing pushes in groups under pressure", Measured(worst, 0.0, **numbers))
     return passed("groups of four and a cloud of 6 x 6", Measured(worst, 0.0, **numbers))
 
 
@@ -110,8 +105,7 @@ def momentum_in_motion(lab: Lab) -> Result:
     for _ in range(12):
         gains.append(subject.step(start.dt).v - start.v)
     gained = np.array(gains)
-    if not np.isfinite(gained).all():
-        return inconclusive("a cloud in motion is not finite, which other checks judge")
+    need(np.isfinite(gained).all(), "a cloud in motion is not finite, which other checks judge")
     size = float(np.linalg.norm(gained, axis=2).sum(axis=1).max())
     if size < 1e-3 * np.abs(start.v).sum():
         return inconclusive("a cloud shrinks, and nothing pushes")
@@ -123,8 +117,7 @@ def momentum_in_motion(lab: Lab) -> Result:
     return passed("a cloud of 8 x 8 in motion keeps its momentum", numbers)
 
 
-@check("force", step=3, needs=("isolated", "momentum"))
-@tolerant
+@check("force", step=3, needs=("isolated", "momentum"), may_refuse=True)
 def push_apart(lab: Lab) -> Result:
     """Squeeze a blob: do its particles move apart?"""
     for side, spacing in ((5, 0.75), (5, 0.45), (9, 0.3)):
@@ -234,8 +227,7 @@ _TURNS = {
 _N_COPIES = 5
 
 
-@check("force", step=3, needs=("isolated",))
-@tolerant
+@check("force", step=3, needs=("isolated",), may_refuse=True)
 def isotropy(lab: Lab) -> Result:
     """Mirror and turn a squeezed group: do the accelerations turn with it?"""
     ratio = squeezing(lab) or SUPPORT
@@ -281,8 +273,7 @@ _TOUCH = (
 )
 
 
-@check("force", step=3, needs=("isolated",))
-@tolerant
+@check("force", step=3, needs=("isolated",), may_refuse=True)
 def coincident(lab: Lab) -> Result:
     """Put two particles at one place, alone and in a blob: does everything stay finite?"""
     blob = lattice(5, 5, DX, center=(1.0, 1.1))
@@ -313,8 +304,7 @@ def _speed_after(lab: Lab, start: Case) -> float:
     return float(np.abs([subject.v / C0, 0 * subject.x]).max())
 
 
-@check("force", step=4, needs=("isolated", "kernel", "interior_density"))
-@tolerant
+@check("force", step=4, needs=("isolated", "kernel", "interior_density"), may_refuse=True)
 def dense_group(lab: Lab) -> Result:
     """Crowd 40 particles into one place: are densities their sums, and all finite?"""
     x = cluster(40, 0.6 * H, lab.rng, least=0.03) + np.array([1.0, 1.1])

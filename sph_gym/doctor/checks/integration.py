@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sph_gym.doctor.case import DX, SUPPORT, Array, Case, case, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
+from sph_gym.doctor.case import DX, SUPPORT, Array, Case, all_finite, case, lattice
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import Crash
@@ -18,6 +18,7 @@ LONG, SHORT, LONGEST = 0.1, 0.02, 1.0
 _STEPS = 10
 # Lone particles feel nothing but rounding, magnified where velocities are differences of positions.
 _LONE = 5e-3
+_LOST = "lone particles are not finite, which the checks of density judge"
 MOVE = "The last lines of a step are v += a * dt and x += v * dt, with the dt that it was given: "
 
 
@@ -57,8 +58,7 @@ def flight(lab: Lab) -> Result:
     for share in (LONG, SHORT):
         dt = duration(start, share)
         x1, v1, x2, v2 = _course(lab, start, dt, _STEPS)
-        if not all(np.isfinite(each).all() for each in (x1, v1, x2, v2)):
-            return inconclusive("lone particles are not finite, which the checks of density judge")
+        need(all_finite(x1, v1, x2, v2), _LOST)
         if wrong := _changed(v, v2, (_STEPS + 1) * dt):
             return wrong
         kept.append(factor(v2, v))
@@ -170,8 +170,7 @@ def galilean(lab: Lab) -> Result:
     dx = (other[2] - other[0]) - (one[2] - one[0])
     dv = other[3] - one[3]
     scale = float(np.hypot(*speed))
-    if not (np.isfinite(dx).all() and np.isfinite(dv).all()):
-        return inconclusive("the block is not finite, which other checks judge")
+    need(all_finite(dx, dv), "the block is not finite, which other checks judge")
     kept = factor(dv.mean(axis=0), speed)
     moved = factor(dx.mean(axis=0), speed * _STEPS * dt)
     spread = float(np.abs(dv - speed).max() / scale)
@@ -216,8 +215,7 @@ def _fall(lab: Lab, gravity: tuple[float, float]) -> Result | None:
         start = _alone(np.zeros((9, 2)), gravity)
         dt, steps = duration(start, share), 4 * _STEPS
         _, v1, x2, v2 = _course(lab, start, dt, steps)
-        if not (np.isfinite(x2).all() and np.isfinite(v2).all()):
-            return inconclusive("lone particles are not finite, which the checks of density judge")
+        need(all_finite(x2, v2), _LOST)
         a = (v2 - v1) / (steps * dt)
         factors.append(a)
         t = (steps + 1) * dt
@@ -288,8 +286,7 @@ def _falling_block(lab: Lab) -> Result:
         _, v1, _, v2 = _course(lab, start, dt, _STEPS)
         gains.append((v2 - v1).mean(axis=0) / (_STEPS * dt))
     fall = gains[1] - gains[0]
-    if not np.isfinite(fall).all():
-        return inconclusive("the block is not finite, which other checks judge")
+    need(np.isfinite(fall).all(), "the block is not finite, which other checks judge")
     numbers = Measured(
         f"({fall[0]:.4g}, {fall[1]:.4g})", f"({g[0]:g}, {g[1]:g})", unit="m/s^2", tolerance="3 %"
     )

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, case, lattice
+from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, all_finite, case, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, listed
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.groups import at_rest, difference, felt, present, spread
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -68,8 +68,10 @@ def newcomers(lab: Lab) -> Result:
         met.append(_look(lab, _meeting(GAP), n_steps))
         if met[-1].unlisted:
             return _out_of_date(met[-1].unlisted, 0, "pairs missing")
-    if not np.isfinite([each[:2] for each in known + met]).all():
-        return inconclusive("two groups that meet: some numbers are not finite")
+    need(
+        np.isfinite([each[:2] for each in known + met]).all(),
+        "two groups that meet: some numbers are not finite",
+    )
     worst = []
     for way in (0, 1):
         # densities may have a memory, so that a new solver tells nothing
@@ -124,7 +126,7 @@ def _look(lab: Lab, start: Case, n_steps: int) -> FreshComparison:
 
 
 def _finite(now: Case) -> bool:
-    return bool(np.isfinite(now.x).all() and np.isfinite(now.v).all())
+    return all_finite(now.x, now.v)
 
 
 def _unlisted(subject: SolverUnderTest, dt: float) -> int:
@@ -157,8 +159,10 @@ def _passing_through(lab: Lab) -> Result:
     together, before = round(0.25 / (SPEED * STEP)), round((GAP - touching) / (SPEED * STEP))
     near, _ = _slowed(lab, touching, together)
     _, changed = _slowed(lab, GAP, before // 2)
-    if not (0.05 < near < 2.2 and changed < 0.1 * DX):
-        return inconclusive("two groups that meet hardly react, or explode, or remember densities")
+    need(
+        0.05 < near < 2.2 and changed < 0.1 * DX,
+        "two groups that meet hardly react, or explode, or remember densities",
+    )
     far, _ = _slowed(lab, GAP, before + together)
     numbers = Measured(far, near, unit="of the speed lost")
     if abs(far) < 0.02 * near:

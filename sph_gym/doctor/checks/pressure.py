@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, TAIT, Array, Case, H, case, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
+from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, TAIT, Array, Case, H, all_finite, case, lattice
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.probes import (
     STILL,
@@ -17,7 +17,6 @@ from sph_gym.doctor.probes import (
     pairs,
     pairs_case,
     squeezing,
-    tolerant,
 )
 from sph_gym.doctor.registry import check
 
@@ -37,12 +36,11 @@ class PressureFit(NamedTuple):
     error: float
 
 
-@check("pressure", step=6, needs=("isolated",), shows=("rho", "p"))
-@tolerant
+@check("pressure", step=6, needs=("isolated",), shows=("rho", "p"), may_refuse=True)
 def equation_of_state(lab: Lab) -> Result:
     """Squeeze a cloud: are pressures Tait's for the measured densities?"""
     rho, p = _samples(lab)
-    if not (np.isfinite(rho).all() and np.isfinite(p).all()):
+    if not all_finite(rho, p):
         return failed("a squeezed cloud: p is not finite", _TAIT, Measured("not finite", "finite"))
     dense = rho > 1.005 * RHO0
     if dense.sum() < 8:
@@ -163,8 +161,7 @@ def _stiffness(lab: Lab, share: float, shown: str, wanted: str, numbers: dict[st
     )
 
 
-@check("pressure", step=5, needs=("isolated",), shows=("rho", "p"))
-@tolerant
+@check("pressure", step=5, needs=("isolated",), shows=("rho", "p"), may_refuse=True)
 def clamp(lab: Lab) -> Result:
     """Look at pairs far below rho0: do pressures below zero pull them together?"""
     if lab.facts.get("density") == "continuity":
@@ -173,10 +170,7 @@ def clamp(lab: Lab) -> Result:
     start = pairs_case(q, **fluid(H))
     found = fields(lab, start)
     thin = found.rho < 0.98 * RHO0
-    if not thin.any():
-        return inconclusive(
-            "no density below rho0 could be had", Measured(float(found.rho.min()), RHO0)
-        )
+    need(thin.any(), "no density below rho0 could be had", Measured(float(found.rho.min()), RHO0))
     lowest, highest = float(found.p[thin].min()), float(found.p[thin].max())
     at_rest = np.median(np.abs(fields(lab, case(lattice(9, 9, center=(1.0, 1.1)))).p))
     if highest > max(0.1 * TAIT, 2 * float(at_rest)):
@@ -213,8 +207,9 @@ _IN_TIME = (
 )
 
 
-@check("pressure", step=4, needs=("isolated", "equation_of_state"), shows=("rho", "p"))
-@tolerant
+@check(
+    "pressure", step=4, needs=("isolated", "equation_of_state"), shows=("rho", "p"), may_refuse=True
+)
 def pressure_in_time(lab: Lab) -> Result:
     """Let pairs collide: does each pressure belong to the density of the same evaluation?"""
     if lab.facts.get("density") != "summation":

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, cloud, lattice
+from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, all_finite, case, cloud, lattice
 from sph_gym.doctor.checks.integration import LONG, MOVE, duration, factor
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 
@@ -110,8 +110,7 @@ def step_uses_acceleration(lab: Lab) -> Result:
         before, v = subject.get("a"), subject.v
         subject.step(dt)
         after, gain = subject.get("a"), (subject.v - v) / dt
-        if not all(np.isfinite(each).all() for each in (before, after, gain)):
-            return inconclusive("the cloud is not finite, which other checks judge")
+        need(all_finite(before, after, gain), "the cloud is not finite, which other checks judge")
         if np.abs(after).max() < 1e-4 * start.c0**2 / start.h:
             return inconclusive("hardly any acceleration is shown: nothing to compare")
         candidates = [_factors(gain, a) for a in (before, after, (before + after) / 2)]
@@ -220,7 +219,7 @@ _BROKEN = {
 def _identify(lab: Lab, start: Case, share: float) -> tuple[Fit, Fit] | None:
     dt = duration(start, share)
     track = ShortRun(lab, start, dt, *lab.course(start, dt, _COUNTED.stop + 1))
-    if not (np.isfinite(track.x).all() and np.isfinite(track.v).all()):
+    if not all_finite(track.x, track.v):
         return None
     return best_kick(track), best_drift(track)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import DX, case, lattice
+from sph_gym.doctor.case import DX, all_finite, case, lattice
 from sph_gym.doctor.diagnosis import Measured, Result, failed, passed
 from sph_gym.doctor.lab import OPTIONAL, TINY, Lab
 from sph_gym.doctor.registry import check
@@ -77,7 +77,7 @@ def order(lab: Lab) -> Result:
     dt = start.dt
     for n in range(4):
         where, speed = subject.x, subject.v
-        if not (np.isfinite(where).all() and np.isfinite(speed).all()):
+        if not all_finite(where, speed):
             return passed("some values are not finite, which other checks judge")
         moved, turned = _owners(where, x), _owners(speed, v)
         if (moved != range(16)).any() or (turned != range(16)).any():

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, DISTANCES, STEP, Weights, pair_weights
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.groups import respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -51,12 +51,13 @@ def pair_reach(lab: Lab) -> Result:
     """Put pairs at many distances: what they feel must die away, not break off, towards h."""
     start, center, r = _spaced_pairs(lab)
     response = respond(lab, start, center)
-    if not response.finite:
-        return inconclusive("pairs at many distances: some accelerations are not finite")
+    need(response.finite, "pairs at many distances: some accelerations are not finite")
     a = np.linalg.norm(response.a.reshape(len(r), 2, 2), axis=2).mean(axis=1)
     felt_at = np.flatnonzero(a > 1e-6 * a.max())
-    if not (a.max() > 1e-6 * start.c0**2 / start.h and len(felt_at) > 2):
-        return inconclusive("pairs don't feel each other, at rest or in motion")
+    need(
+        a.max() > 1e-6 * start.c0**2 / start.h and len(felt_at) > 2,
+        "pairs don't feel each other, at rest or in motion",
+    )
     last = felt_at[-1]
     # the weak end of a kernel may be lost among what is left of pressures that cancel
     numbers = Measured(float(r[last]), 1.0, unit="h")

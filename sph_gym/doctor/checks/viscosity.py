@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
 
@@ -138,8 +138,7 @@ def viscosity_damps(lab: Lab) -> Result:
         drag = response(lab, start, way)
         most = np.sum(np.linalg.norm(drag, axis=1) * np.linalg.norm(start.v, axis=1))
         powers.append(float(np.sum(drag * start.v) / most))
-    if not np.isfinite(powers).all():
-        return inconclusive("a lattice in motion: accelerations are not finite")
+    need(np.isfinite(powers).all(), "a lattice in motion: accelerations are not finite")
     numbers = Measured(max(powers), -1.0, unit="of the largest power", tolerance="below 0.05")
     if min(powers) > 0.05:
         return failed(
@@ -165,8 +164,7 @@ def viscosity_relative(lab: Lab) -> Result:
     wind = replace(start, v=start.v + SLOW * C0 * np.array([1.0, -0.7]))
     drag, in_wind = response(lab, start, way), response(lab, wind, way)
     differs = float(np.abs(in_wind - drag).max()) / max(float(np.abs(in_wind).max()), 1e-300)
-    if not np.isfinite(differs):
-        return inconclusive("a lattice in motion: accelerations are not finite")
+    need(np.isfinite(differs), "a lattice in motion: accelerations are not finite")
     numbers = Measured(differs, 0.0, tolerance="0.05 of the largest")
     if differs > 0.05:
         return failed(
@@ -188,8 +186,7 @@ def viscosity_momentum(lab: Lab) -> Result:
         return skipped(_NONE)
     drag = response(lab, case(*middle_first(SLOW * C0), h=2 * DX), way)
     left = np.hypot(*drag.sum(axis=0)) / max(float(np.hypot(*drag[0])), 1e-300)
-    if not np.isfinite(left):
-        return inconclusive("one particle moves in a lattice: accelerations are not finite")
+    need(np.isfinite(left), "one particle moves in a lattice: accelerations are not finite")
     numbers = Measured(left, 0.0, tolerance="0.05 of what the one feels")
     if left > 0.05:
         return failed(
@@ -209,14 +206,14 @@ def viscosity_strength(lab: Lab) -> Result:
     if way is None:
         return skipped(_NONE)
     arrives = abs(kick(lab) - 1) < 0.02
-    if not (way.by_a or arrives):
-        return inconclusive("velocities don't follow accelerations: integration")
+    need(way.by_a or arrives, "velocities don't follow accelerations: integration")
     if "rho" in lab.shown:
         rho = float(lab.density(shear())[40])
-        if not 0.75 < rho / RHO0 < 1.3:
-            return inconclusive(
-                "the density is wrong, by which viscosity is divided", Measured(rho, RHO0)
-            )
+        need(
+            0.75 < rho / RHO0 < 1.3,
+            "the density is wrong, by which viscosity is divided",
+            Measured(rho, RHO0),
+        )
     if way.by_a and arrives:
         again = effective(lab, Way(False, way.viscosity)) / effective(lab, way)
         if TWICE[0] < again < TWICE[1]:
@@ -233,8 +230,11 @@ def _by_form(lab: Lab, way: Way) -> Result:
         effective(lab, way, scale=2.0),
     ]
     numbers = Measured(nu, way.viscosity, unit="m^2/s")
-    if not (nu > 0 and np.isfinite(others).all() and min(others) > 0):
-        return inconclusive("a shear feels no viscosity", numbers)
+    need(
+        nu > 0 and np.isfinite(others).all() and min(others) > 0,
+        "a shear feels no viscosity",
+        numbers,
+    )
     of_viscosity, of_c0, of_size = np.log2(np.array(others) / nu)
     if abs(of_viscosity - 1) > 0.1:
         return inconclusive(
@@ -266,8 +266,7 @@ def _by_weight(way: Way, nu: float, kind: int) -> Result:
 
 def _artificial(alpha: float) -> Result:
     text = "viscosity is proportional to c0 h: case.viscosity is taken for alpha"
-    if not alpha < 1:
-        return inconclusive(f"{text}; nu = {alpha:.2g} alpha c0 h", Measured(alpha, "1/32 to 1/8"))
+    need(alpha < 1, f"{text}; nu = {alpha:.2g} alpha c0 h", Measured(alpha, "1/32 to 1/8"))
     return passed(
         f"{text}; nu = {alpha:.2g} alpha c0 h", Measured(alpha, "1/32 to 1/8", unit="alpha c0 h")
     )
@@ -290,8 +289,7 @@ def _clean(lab: Lab, way: Way, nu: float) -> Result:
             Measured(share, 1.0, tolerance="0.35"),
         )
     numbers = Measured(share, 1.0)
-    if not _linear(lab, way):
-        return inconclusive(f"only some pairs feel viscosity: {kind}", numbers)
+    need(_linear(lab, way), f"only some pairs feel viscosity: {kind}", numbers)
     if TWICE[0] < share < TWICE[1]:
         return _too_thick(share, "the fluid is {:.2g} times as viscous as was asked for")
     undivided = any(RIGHT[0] < share / factor < RIGHT[1] for factor in (RHO0, 1 / RHO0))
@@ -349,10 +347,11 @@ def no_jelly(lab: Lab) -> Result:
     if not share > JELLY:
         return passed(text, numbers)
     left = _left_of_a_wave(lab)
-    if not left < 0.6:
-        return inconclusive(
-            f"{text}, but a wave keeps {100 * left:.2g} %", Measured(share, 0.0, unit="c0 h")
-        )
+    need(
+        left < 0.6,
+        f"{text}, but a wave keeps {100 * left:.2g} %",
+        Measured(share, 0.0, unit="c0 h"),
+    )
     return failed(
         f"{text}; of a wave 8 dx long, {100 * left:.2g} % is left after 5 steps of 0.1 h / c0",
         "Too much damping, the fluid is like jelly: look for artificial viscosity with a large "

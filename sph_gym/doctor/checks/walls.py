@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sph_gym.doctor import throws
 from sph_gym.doctor.case import DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.whole import QUARTER, STEPS, RunEnd, follow
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.throws import OUTSIDE, SIDES, Throw
@@ -87,8 +87,7 @@ def _gap(lab: Lab, runs: list[Throw]) -> Result | None:
 
 def _not_finite(runs: list[Throw]) -> Result:
     late = all(np.isfinite(run.x[:4]).all() for run in runs)
-    if not late:
-        return inconclusive("lone particles in a box are not finite, which other checks judge")
+    need(late, "lone particles in a box are not finite, which other checks judge")
     return failed(
         "lone particles thrown at the sides of a box are finite until they get there",
         "Look for a division by the distance from the wall or from a boundary particle.",
@@ -159,8 +158,10 @@ def thrown_blocks(lab: Lab) -> Result:
 
 
 def _blocks_not_finite(lab: Lab) -> Result:
-    if not throws.blocks(lab, _FAST, _LONG, box=False).finite:
-        return inconclusive("blocks are not finite in open space either, which other checks judge")
+    need(
+        throws.blocks(lab, _FAST, _LONG, box=False).finite,
+        "blocks are not finite in open space either, which other checks judge",
+    )
     return failed(
         "blocks of 5 x 5 fly well in open space, but not finite any more at the sides of a box",
         "Look for a division by the distance from the wall, and for two particles that the wall "
@@ -185,12 +186,12 @@ def _leak(lab: Lab, run: Throw, speed: float) -> Result:
             "with gravity they don't: the walls may take their strength from it",
             numbers,
         )
-    if not _decided(lab, run, worst, speed):
-        return inconclusive(
-            f"some particles of blocks thrown with {speed} c0 leave the box ({told}): walls of "
-            "forces or particles hold up to some speed, and let edges of a block through",
-            numbers,
-        )
+    need(
+        _decided(lab, run, worst, speed),
+        f"some particles of blocks thrown with {speed} c0 leave the box ({told}): walls of "
+        "forces or particles hold up to some speed, and let edges of a block through",
+        numbers,
+    )
     return failed(
         f"blocks of 5 x 5 thrown at the sides with {speed} c0: of those that get to a "
         f"side, so many end more than {OUTSIDE:g} dx outside: {told}" + _pattern(shares, speed),
@@ -253,8 +254,7 @@ def tunnelling(lab: Lab) -> Result:
             "fault of them"
         )
     runs = [throws.alone(lab, _MAD, dt) for dt in (_LONG, _SHORT)]
-    if not all(run.finite for run in runs):
-        return inconclusive("lone particles are not finite, which other checks judge")
+    need(all(run.finite for run in runs), "lone particles are not finite, which other checks judge")
     lost = [name for run in runs for name in _names(run, run.lost)]
     told = f"lone particles thrown with {_MAD:g} c0 at walls that turned slower ones in a step"
     if lost:
@@ -279,8 +279,7 @@ def standing(lab: Lab) -> Result:
     subject, farthest = lab.make(start), -np.inf
     for _ in range(10):
         subject.step(_LONG * start.h / start.c0, 10)
-        if not np.isfinite(subject.x).all():
-            return inconclusive("not finite, which the checks of the whole judge")
+        need(np.isfinite(subject.x).all(), "not finite, which the checks of the whole judge")
         # beyond left, right or floor
         beyond = max(np.abs(subject.x[:, 0]).max() - side, -subject.x[:, 1].min())
         farthest = max(farthest, float(beyond) / DX)

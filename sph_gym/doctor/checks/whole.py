@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
+from sph_gym.doctor.case import C0, DX, Array, Case, all_finite, case, lattice
+from sph_gym.doctor.diagnosis import Measured, Result, failed, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 
@@ -30,7 +30,7 @@ class RunEnd(NamedTuple):
     @property
     def finite(self) -> bool:
         """Return whether all numbers are."""
-        return bool(np.isfinite(self.x).all() and np.isfinite(self.v).all())
+        return all_finite(self.x, self.v)
 
     @property
     def energy(self) -> float:
@@ -56,8 +56,7 @@ def reproducible(lab: Lab) -> Result:
     x = lattice(5, 5, 0.9 * DX)
     start = case(x + lab.rng.uniform(-0.05, 0.05, x.shape) * DX)
     one, other = (follow(lab, start, start.dt, 5) for _ in range(2))
-    if not (one.finite and other.finite):
-        return inconclusive("not finite, which other checks judge")
+    need(one.finite and other.finite, "not finite, which other checks judge")
     apart = float(np.abs(one.x - other.x).max() / DX)
     if apart > 1e-3:
         return failed(
@@ -75,8 +74,7 @@ def suction(lab: Lab) -> Result:
     start = case(lattice(5, 5, 1.1 * DX))
     a = lab.acceleration(start)
     pull = -float((a * start.x).sum() / np.abs(start.x).sum()) / (start.c0**2 / start.h)
-    if not np.isfinite(pull):
-        return inconclusive("not finite, which other checks judge")
+    need(np.isfinite(pull), "not finite, which other checks judge")
     told = "a block of 5 x 5 at 1.1 dx at rest: mean pull inwards"
     numbers = Measured(pull, 0.0, unit="c0^2 / h", tolerance="0.05")
     if pull > 0.05:
@@ -139,8 +137,7 @@ def expansion(lab: Lab) -> Result:
     start = case(lattice(8, 8, 0.9 * DX))
     stored = _stored(start, 0.9**-2)
     run = follow(lab, start, start.dt, 100)
-    if not run.finite:
-        return inconclusive("not finite, which other checks judge")
+    need(run.finite, "not finite, which other checks judge")
     share = run.energy / stored
     told = "a blob of 8 x 8 at 0.9 dx expands: kinetic energy over what Tait's equation stores"
     numbers = Measured(share, "0.2 to 1", tolerance=f"up to {_TOO_MUCH:g}")

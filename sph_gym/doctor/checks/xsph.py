@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.viscosity import middle_first
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
 
@@ -122,8 +122,7 @@ def xsph_off(lab: Lab) -> Result:
     start = random_motion(lab)
     unasked = drift(lab, start, 0.0)
     lost = share(unasked.moved - unasked.mean, start)
-    if not np.isfinite(lost):
-        return inconclusive("a lattice in motion: positions are not finite")
+    need(np.isfinite(lost), "a lattice in motion: positions are not finite")
     numbers = Measured(lost, 0.0, tolerance="0.05 of the velocities")
     if lost > 0.05:
         return failed(
@@ -160,8 +159,7 @@ def xsph_smooths(lab: Lab) -> Result:
         )
     if taken > IMPOSSIBLE:
         return _too_much(lab, taken, text)
-    if not NORMAL[0] < taken < NORMAL[1]:
-        return inconclusive(text, numbers)
+    need(NORMAL[0] < taken < NORMAL[1], text, numbers)
     return passed(text, numbers)
 
 
@@ -193,8 +191,7 @@ def xsph_epsilon(lab: Lab) -> Result:
             "Take epsilon from case.xsph, not a constant.",
             numbers,
         )
-    if not abs(ratio - 0.5) < 0.1:
-        return inconclusive("XSPH is not proportional to epsilon", numbers)
+    need(abs(ratio - 0.5) < 0.1, "XSPH is not proportional to epsilon", numbers)
     return passed("half of epsilon does half as much", numbers)
 
 
@@ -206,8 +203,7 @@ def xsph_relative(lab: Lab) -> Result:
     start = uniform_motion()
     more = float(np.abs(added_by_motion(lab, start)).max())
     left = more / (EPSILON * float(np.hypot(*start.v[0])))
-    if not np.isfinite(left):
-        return inconclusive("a lattice in motion: positions are not finite")
+    need(np.isfinite(left), "a lattice in motion: positions are not finite")
     numbers = Measured(left, 0.0, tolerance="0.05 of epsilon times the velocity")
     if left > 0.05:
         return failed(
@@ -235,8 +231,7 @@ def xsph_momentum(lab: Lab) -> Result:
             "(rho_i + rho_j) / 2.",
             numbers,
         )
-    if not left < 0.1:
-        return inconclusive("XSPH does not quite keep the momentum", numbers)
+    need(left < 0.1, "XSPH does not quite keep the momentum", numbers)
     return passed("XSPH keeps the momentum", numbers)
 
 
@@ -248,8 +243,7 @@ def xsph_moves_only(lab: Lab) -> Result:
     start = random_motion(lab)
     with_it, without = drift(lab, start, EPSILON).v, drift(lab, start, 0.0).v
     early, late = (share(one - other, start) for one, other in zip(with_it, without, strict=True))
-    if not np.isfinite(late):
-        return inconclusive("a lattice in motion: velocities are not finite")
+    need(np.isfinite(late), "a lattice in motion: velocities are not finite")
     numbers = Measured(late, 0.0, tolerance="0.1 of the velocities")
     if abs(late) > 0.1 and abs(late) > 1.2 * abs(early):
         return failed(

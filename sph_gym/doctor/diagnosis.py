@@ -78,6 +78,11 @@ class Measured(NamedTuple):
     unit: str = ""
     tolerance: str = ""
 
+    @property
+    def bare(self) -> "Measured":
+        """Return the two numbers alone, for an outcome that no tolerance decides."""
+        return Measured(self.measured, self.expected)
+
 
 NOTHING = Measured()
 

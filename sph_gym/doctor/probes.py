@@ -20,6 +20,8 @@ STILL = 1e-6
 MOMENT = 0.002  # the time step of particles in motion
 # Distances of pairs in support radii: dense where kernels differ, and some beyond the support.
 DISTANCES = np.array([*np.linspace(0.03, 0.98, 24), 1.03, 1.2, 1.5, 1.9])
+# Of pairs that are to collide.
+COLLIDING = np.linspace(0.6, 0.9, 6)
 # Between pairs, in support radii; a kernel of twice the support must not join two of them.
 _APART = 6.0
 _N_LONELY = 2
@@ -177,6 +179,30 @@ def closing(
         x, v = subject.x, subject.v
         seen.append(_pairs(x, v, passing(subject, lab, dt), len(q), start.h))
     return seen
+
+
+class Collision(NamedTuple):
+    """Pairs that collide, at the distances `COLLIDING`; n particles.
+
+    x: (4, n, 2) positions at the start and after each of three steps; a, settled: (n, 2)
+    accelerations without friction, right then and after the particles stood still for two steps,
+    when what lags behind is in time.
+    """
+
+    x: Array
+    a: Array
+    settled: Array
+
+
+def collide(lab: Lab, **settings: float) -> Collision:
+    """Return what a solver does with pairs that fly into each other; settings: see `fluid`."""
+    start = pairs_case(COLLIDING, speed=2.0, **settings)
+    time = start.h / start.c0
+    subject = lab.make(start)
+    x = [subject.x, *(subject.step(0.03 * time).x for _ in range(3))]
+    rubbed = friction(lab, subject.x, subject.v, **settings)
+    a, _, settled = (subject.change(100 * STILL * time, n) - rubbed for n in (1, 2, 1))
+    return Collision(np.stack(x), a, settled)
 
 
 def friction(lab: Lab, x: Array, v: Array, **settings: float) -> Array:

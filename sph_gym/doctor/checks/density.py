@@ -26,7 +26,7 @@ SUPPORT_RADIUS = (
     "the adapter, and use the same radius in the neighbour search."
 )
 _UPSIDE_DOWN = ", and yet they push: the slope of the kernel has the wrong sign everywhere"
-_RENEW = "Densities must be renewed in every step from the present neighbours."
+RENEW = "Renew densities in every step, from the present neighbours, before pressures and forces."
 EVERY_PAIR = (
     "Compare with a loop over all pairs. Then look at the neighbour search: cells smaller than "
     "the support, cells visited twice, a rounding that puts a particle into the wrong cell."
@@ -112,7 +112,7 @@ def _deaf(lab: Lab, own: float) -> Result:
     lost = (lists and not listed) or (not lists and own < 0.9 * RHO0)
     return failed(
         "pairs at 28 distances, at rest and approaching: each has the density of a lone particle",
-        EVERY_PAIR if lost else _RENEW,
+        EVERY_PAIR if lost else RENEW,
         Measured(own, "more than that of a lone particle", unit="kg/m^3"),
         link="neighbours" if lost else "density",
     )
@@ -320,7 +320,7 @@ def density_follows(lab: Lab) -> Result:
     if np.abs(rho - first).max() < 0.05 * np.abs(now[0] - first).max():
         return failed(
             "four pairs approach for 10 steps: densities stay what they were at the start",
-            "Renew densities in every step, before pressures and forces.",
+            RENEW,
             Measured(float(rho.mean()), float(now[1].mean()), unit="kg/m^3"),
         )
     return inconclusive("densities of moving pairs are not those of their positions", numbers)

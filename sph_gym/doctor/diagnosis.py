@@ -19,6 +19,8 @@ LINKS = (
     "integration",
     "walls",
 )
+# What a solver may show of the chain, and the link that makes it.
+COLUMNS = {"rho": "density", "p": "pressure", "a": "force"}
 STATUSES = ("pass", "fail", "blocked", "skip", "inconclusive", "xfail", "error")
 BROKEN = ("fail", "error")
 # Longest message in a row of the table [characters].

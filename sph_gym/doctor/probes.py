@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
-from sph_gym.doctor.diagnosis import Measured, Result, failed
+from sph_gym.doctor.diagnosis import COLUMNS, Measured, Result, failed
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.subject import Crash, SolverUnderTest
 
@@ -283,7 +283,7 @@ def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Seen]:
 def not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Result:
     """Return that something is not finite: densities, pressures or accelerations."""
     numbers = Measured("not finite", "finite")
-    for name, link, values in (("rho", "density", found.rho), ("p", "pressure", found.p)):
-        if name in lab.shown and not np.isfinite(values).all():
-            return failed(f"{what}: {name} not finite", remedy, numbers, link=link)
+    for name in ("rho", "p"):
+        if name in lab.shown and not np.isfinite(getattr(found, name)).all():
+            return failed(f"{what}: {name} not finite", remedy, numbers, link=COLUMNS[name])
     return failed(f"{what}: accelerations not finite", remedy, numbers)

@@ -3,7 +3,16 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, interior, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
+from sph_gym.doctor.diagnosis import (
+    COLUMNS,
+    Measured,
+    Result,
+    failed,
+    inconclusive,
+    need,
+    passed,
+    skipped,
+)
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import Match, MeasuredWeights, integral, lattice_sum, match
 from sph_gym.doctor.probes import (
@@ -152,7 +161,6 @@ def factor_remedy(share: float, h: float, found: Match, small: float | None = No
     return f"{mass}; here densities are {share:.3g} times too large. Else the kernel's constant."
 
 
-_LINKS = {"rho": "density", "p": "pressure", "a": "force"}
 _SELF = (
     "Begin each sum with the particle's own share, rho[i] = m W(0, h), before the neighbours are "
     "added: then no density is ever zero."
@@ -191,17 +199,16 @@ def isolated(lab: Lab) -> Result:
 
 def _first_not_finite(lab: Lab, subject: SolverUnderTest) -> str:
     """Return the first of what is shown, along the chain, that is not finite; "" if all is."""
-    shown = {name: subject.get(name) for name in _LINKS if name in lab.shown}
-    shown |= {"x": subject.x, "v": subject.v}
-    return next((name for name, each in shown.items() if not np.isfinite(each).all()), "")
+    seen = lab.seen(subject).items()
+    return next((name for name, each in seen if not np.isfinite(each).all()), "")
 
 
 def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> Result:
     # positions and velocities are what accelerations make of them, which were finite so far
-    moved = name not in _LINKS and "a" in lab.shown
+    moved = name not in COLUMNS and "a" in lab.shown
     # a division by a density of zero shows in what comes after it
     empty = "rho" in lab.shown and not float(subject.get("rho").min()) > 0
-    link = "integration" if moved else "density" if empty else _LINKS.get(name, "density")
+    link = "integration" if moved else "density" if empty else COLUMNS.get(name, "density")
     return failed(
         f"three particles far apart: {name} is not finite after {n_steps} steps"
         + (", though accelerations are" if moved else ""),

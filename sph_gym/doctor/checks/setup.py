@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import DX, all_finite, case, lattice
-from sph_gym.doctor.diagnosis import Measured, Result, failed, passed
+from sph_gym.doctor.diagnosis import COLUMNS, Measured, Result, failed, passed
 from sph_gym.doctor.lab import OPTIONAL, TINY, Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import Misfit
@@ -32,14 +32,12 @@ def adapter(lab: Lab) -> Result:
         )
     if not np.allclose(subject.v, 0.0):
         raise Misfit("v is not case.v before the first step")
-    raw = getattr(subject.solver, "x", None)
-    lab.float32 = getattr(raw, "dtype", None) == np.float32
+    lab.float32 = subject.is_single
     for _ in range(2):
         subject.step(TINY * nine.h / nine.c0)
         # some show nothing before their first step
         lab.shown = frozenset(name for name in OPTIONAL if subject.shows(name))
-        values = {"x": subject.x, "v": subject.v}
-        values |= {name: subject.get(name) for name in ("rho", "p", "a") if name in lab.shown}
+        values = lab.seen(subject)
     if "evaluate" in lab.shown:
         subject.evaluate()
     if "neighbors" in lab.shown:
@@ -59,7 +57,7 @@ def adapter(lab: Lab) -> Result:
 
 
 def _first_bad(values: dict[str, np.ndarray]) -> str:
-    for name, link in (("rho", "density"), ("p", "pressure"), ("a", "force")):
+    for name, link in COLUMNS.items():
         if name in values and not np.isfinite(values[name]).all():
             return link
     # positions and velocities were those of the case, and only forces are left to spoil them

@@ -21,6 +21,13 @@ H = SUPPORT * DX
 TAIT = RHO0 * C0**2 / GAMMA
 
 
+def tait_energy(ratio: Any, gamma: float) -> Any:
+    """Return the energy of compression by Tait's equation [B / rho0]; ratio: rho / rho0."""
+    if gamma == 1:
+        return np.log(ratio) + 1 / ratio - 1
+    return (ratio ** (gamma - 1) - 1) / (gamma - 1) + 1 / ratio - 1
+
+
 @dataclass
 class Case:
     """A setting that a solver is to simulate.

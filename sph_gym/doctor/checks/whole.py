@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, Array, Case, all_finite, case, lattice
+from sph_gym.doctor.case import C0, DX, Array, Case, all_finite, case, lattice, tait_energy
 from sph_gym.doctor.diagnosis import Measured, Result, failed, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -135,7 +135,7 @@ def _exploded(lab: Lab, start: Case, told: str, run: RunEnd) -> Result:
 def expansion(lab: Lab) -> Result:
     """Let a blob expand that is squeezed to 0.9 dx: what it gains must have been stored in it."""
     start = case(lattice(8, 8, 0.9 * DX))
-    stored = _stored(start, 0.9**-2)
+    stored = start.c0**2 / start.gamma * tait_energy(0.9**-2, start.gamma)
     run = follow(lab, start, start.dt, 100)
     need(run.finite, "not finite, which other checks judge")
     share = run.energy / stored
@@ -155,9 +155,3 @@ def expansion(lab: Lab) -> Result:
             link="integration" if cured else "pressure",
         )
     return passed(told, numbers)
-
-
-def _stored(start: Case, s: float) -> float:
-    """Return the energy [J/kg] by Tait's equation at the density s rho0."""
-    g = start.gamma
-    return start.c0**2 / g * ((s ** (g - 1) - 1) / (g - 1) + 1 / s - 1)

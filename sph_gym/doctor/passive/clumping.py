@@ -19,7 +19,7 @@ def suction(survey: RecordingSurvey) -> Result:
     """Look for negative pressures together with particles that gather in clumps."""
     if survey.first.p is None or not survey.samples:
         return skipped("the recording has no pressures")
-    negative = max(float((f.p < 0).mean()) for f in survey.samples if f.p is not None)
+    negative = max(float((p < 0).mean()) for p in survey.pressures)
     shares = [_share_nearer(f.x, CLUMPED * survey.spacing) for f in survey.samples]
     before, worst = shares[0], max(shares)
     numbers = Measured(worst, before, unit=UNIT, tolerance=f"{CURDLED:g}")
@@ -59,9 +59,8 @@ def _paired(survey: RecordingSurvey, shares: list[float]) -> Result:
         f"{100 * shares[-1]:.0f} % of the particles end closer than {PAIRED:g} spacings to another "
         f"({100 * shares[0]:.0f} % at the start)"
     )
-    pressures = [f.p for f in survey.samples if f.p is not None]
     numbers = Measured(shares[-1], shares[0], unit=UNIT, tolerance=f"{CURDLED:g}")
-    if pressures and not any((p < 0).any() for p in pressures):
+    if survey.pressures and not any((p < 0).any() for p in survey.pressures):
         return failed(
             f"{text}, though no pressure is negative: they form pairs",
             "Take the gradient of the spiky kernel for pressure: poly6's vanishes for near "
@@ -95,9 +94,8 @@ def _coincident(survey: RecordingSurvey, worst: int) -> Result:
 
 
 def _on_top(survey: RecordingSurvey, text: str, n: int) -> Result:
-    pressures = [f.p for f in survey.samples if f.p is not None]
     numbers = Measured(n, 0, unit="particles")
-    if pressures and not any(p.any() for p in pressures):
+    if survey.pressures and not any(p.any() for p in survey.pressures):
         return failed(
             f"{text}, and all pressures of all frames are zero: nothing keeps particles apart",
             "Densities that never come above that of rest give no pressure: look at the mass of a "

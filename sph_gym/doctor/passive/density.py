@@ -92,7 +92,7 @@ def _rest(survey: RecordingSurvey) -> tuple[float, tuple[float, float]]:
         usual = abs(float(np.median(nearest(survey.first.x))) / scene.dx - 1) < 0.1
         return scene.fluid.rho0, REST if usual else (0.0, math.inf)
     found = law(survey)
-    vanish = any((frame.p <= 0).any() for frame in survey.samples if frame.p is not None)
+    vanish = any((p <= 0).any() for p in survey.pressures)
     if not vanish:
         return math.nan, (0.0, math.inf)  # a background pressure hides the density at rest
     # a fluid may begin in loose order, but hardly pressed to a multiple of its density

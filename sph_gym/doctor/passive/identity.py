@@ -1,7 +1,5 @@
 """Is the recording whole: finite numbers, the same particles in the same order?"""
 
-import math
-
 import numpy as np
 
 from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
@@ -136,14 +134,3 @@ def _exchanged(survey: RecordingSurvey, k: int, a: Frame, b: Frame) -> Result:
         "identities: the motion of single particles can't be followed. Write an id with each",
         Measured("another order", "the same order"),
     )
-
-
-def interval(survey: RecordingSurvey, k: int) -> float:
-    """Return the time [s] from frame k to the next, NaN if it isn't told.
-
-    Whole numbers that count the frames are no times.
-    """
-    times = np.array([look.time for look in survey.looks])
-    if len(times) > 2 and (np.diff(times) == 1).all():
-        return math.nan
-    return float(times[k + 1] - times[k])

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.identity import interval
 from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
@@ -44,7 +43,7 @@ def motion(survey: RecordingSurvey) -> Result:
         return skipped("the recording has no velocities")
     if survey.reordered:
         return skipped("particles can't be followed from frame to frame")
-    steps = [_step(a, b, interval(survey, k)) for k, a, b in survey.pairs()]
+    steps = [_step(a, b, survey.interval(k)) for k, a, b in survey.pairs()]
     usable = [step for step in steps if step is not None and step.steady > 0.5]
     if len(usable) < 2:
         return inconclusive(
@@ -117,7 +116,7 @@ def frozen(survey: RecordingSurvey) -> Result:
         return skipped("needs velocities, and the same particles in all frames")
     if survey.n_frames < 3:
         return skipped(f"{survey.n_frames} frames are too few to tell")
-    step = interval(survey, 0)
+    step = survey.interval(0)
     if not math.isfinite(step):
         return skipped("the recording doesn't tell the times")
     sizes = [np.linalg.norm(frame.v, axis=1) for frame in survey.samples if frame.v is not None]

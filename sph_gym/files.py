@@ -125,11 +125,22 @@ def atomic_write(path: str | os.PathLike[str], make_folder: bool = True) -> Iter
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def in_folder(name: str, path: str | os.PathLike[str]) -> Path:
+    """Return a path; raise FileNotFoundError that names the argument if its folder is missing."""
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{name}: there is no directory {str(target.parent)!r}")
+    return target
+
+
 def write_csv(
-    path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], comment: str = ""
+    path: str | os.PathLike[str],
+    columns: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    comment: str = "",
 ) -> None:
     """Write a table, with a comment above it if there is one; make the folder if need be."""
-    with atomic_write(path) as draft, draft.open("w", newline="") as file:
+    with atomic_write(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         file.write(f"# {comment}\n" if comment else "")
         writer = csv.writer(file)
         writer.writerow(columns)

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.extras import needs_extra
-from sph_gym.files import atomic_write
+from sph_gym.files import atomic_write, in_folder
 from sph_gym.provenance import VERSION
 from sph_gym.solver.checks import instance_of, known, path_of
 from sph_gym.solver.gauges import Gauge
@@ -121,8 +121,7 @@ def recording_target(path: str | os.PathLike[str], name: str = "path") -> Path:
     """Return the path of a recording, or raise what `Recorder` raises; name: for messages."""
     target = path_of(name, path)
     suffix = known(name, target.suffix.lower(), _WRITERS)
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"{name}: there is no directory {str(target.parent)!r}")
+    in_folder(name, target)
     if suffix == ".pvd" and (folder := target.with_suffix("")).exists() and not folder.is_dir():
         raise FileExistsError(
             f"{name}: expected a folder or nothing at {str(folder)!r}, where the frames are to "
@@ -165,7 +164,7 @@ def _below(prefix: str, stored: Arrays) -> Arrays:
 
 
 def _constants(sim: Simulation) -> Arrays:
-    """Return all that doesn't change in a run: the JSON text, and the arrays that it names."""
+    """Return all that doesn't change in a run, as it is stored."""
     parameters = {
         "scene": sim.scene,
         "dtype": sim.dtype,
@@ -180,6 +179,11 @@ def _constants(sim: Simulation) -> Arrays:
         "numba": numba.__version__,
         "python": platform.python_version(),
     }
+    return stored_parameters(parameters)
+
+
+def stored_parameters(parameters: dict[str, Any]) -> Arrays:
+    """Return parameters as they are stored: the JSON text, and the arrays that it names."""
     arrays: Arrays = {}
 
     def keep(name: str, array: NDArray[Any]) -> dict[str, str]:

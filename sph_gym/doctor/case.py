@@ -21,6 +21,13 @@ H = SUPPORT * DX
 TAIT = RHO0 * C0**2 / GAMMA
 
 
+def tait_energy(ratio: Any, gamma: float) -> Any:
+    """Return the energy of compression by Tait's equation [B / rho0]; ratio: rho / rho0."""
+    if gamma == 1:
+        return np.log(ratio) + 1 / ratio - 1
+    return (ratio ** (gamma - 1) - 1) / (gamma - 1) + 1 / ratio - 1
+
+
 @dataclass
 class Case:
     """A setting that a solver is to simulate.
@@ -96,3 +103,8 @@ def interior(x: Array, margin: float) -> NDArray[np.bool_]:
     """Return which particles are at least `margin` [m] inside the rectangle around all of them."""
     low, high = x.min(axis=0), x.max(axis=0)
     return np.asarray(np.all((x >= low + margin) & (x <= high - margin), axis=1))
+
+
+def all_finite(*arrays: Any) -> bool:
+    """Return whether all numbers of these arrays are finite."""
+    return all(bool(np.isfinite(each).all()) for each in arrays)

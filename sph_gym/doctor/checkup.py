@@ -3,14 +3,23 @@
 import importlib.util
 import sys
 import time
+import traceback
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
 from sph_gym.doctor import checks as _checks  # noqa: F401  (fills CHECKS)
-from sph_gym.doctor.diagnosis import BROKEN, LINKS, Diagnosis, Result
-from sph_gym.doctor.findings import Finding, inconclusive, skipped
+from sph_gym.doctor.diagnosis import (
+    Diagnosis,
+    Ends,
+    Result,
+    blocked,
+    error,
+    inconclusive,
+    skipped,
+)
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import CHECKS, Check
 from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, TooSlow, Unsupported, Waits
@@ -61,62 +70,67 @@ class Checkup:
 
     def _do(self, check: Check) -> Result:
         started = time.monotonic()
-        finding = self._finding(check)
-        if check.name == CLOCK and finding.status in BROKEN:
+        found = self._finding(check)
+        if check.name == CLOCK and found.broken:
             self._lab.broken_clock = check.name
-        if finding.status in BROKEN and check.name in self._expected:
-            reason = self._expected[check.name]
-            finding = finding._replace(
-                status="xfail", message=f"expected to fail: {reason}. {finding.message}"
-            )
-        return Result(
-            check.name,
-            finding.link or check.link,
-            *finding[:-1],
-            step=check.step,
-            seconds=round(time.monotonic() - started, 3),
-        )
+        if found.broken and check.name in self._expected:
+            text = f"expected to fail: {self._expected[check.name]}. {found.message}"
+            found = replace(found, status="xfail", message=text)
+        return found.of(check, started)
 
-    def _finding(self, check: Check) -> Finding:
+    def _finding(self, check: Check) -> Result:
         if check.name in self._skip:
             return skipped("left out as was asked")
         if self._hung:
-            return Finding("blocked", message=f"the solver hung in {self._hung}")
+            return blocked(f"the solver hung in {self._hung}")
         for name in _waits_for(check):
             other = self.results[name]
             if other.broken or other.status == "xfail":
-                return Finding("blocked", message=f"waits for {other.check}, which failed")
+                return blocked(f"waits for {other.check}, which failed")
             if other.status == "blocked" and name in check.needs:
-                return Finding("blocked", message=other.message)
+                return blocked(other.message)
         missing = [name for name in check.shows if name not in self._lab.shown]
         if missing:
             return skipped(f"the solver does not show {', '.join(missing)}")
         self._lab.start(check.name, CHECK_LIMIT)
         try:
             return check.function(self._lab)
-        except Misfit as error:
-            return Finding("error", message=f"{error}", remedy=_UNFIT, link="setup")
-        except Waits as error:
-            return Finding("blocked", message=f"waits for {error}, which failed")
-        except Unsupported as error:
+        except Misfit as reason:
+            return error(f"{reason}", _UNFIT, link="setup")
+        except Waits as reason:
+            return blocked(f"waits for {reason}, which failed")
+        except Unsupported as reason:
             if check.name == FIRST:
-                return Finding("error", message=f"not even nine particles: {error}", remedy=_UNFIT)
-            return skipped(f"the solver does not support this case: {error}")
-        except Crash as error:
+                return error(f"not even nine particles: {reason}", _UNFIT)
+            return skipped(f"the solver does not support this case: {reason}")
+        except Ends as early:
+            found: Result = early.args[0]
+            return found
+        except Crash as reason:
+            if check.may_refuse and _is_on_purpose(reason):
+                return inconclusive(f"the solver stopped by itself: {reason}")
             remedy = "Read the exception; run the same case under a debugger."
-            return Finding("error", message=f"{check.summary} {error}", remedy=remedy)
-        except Hang as error:
+            return error(f"{check.summary} {reason}", remedy)
+        except Hang as reason:
             self._hung = check.name
             remedy = "Look for a loop without an end; cells of an infinite or NaN position are one."
-            return Finding("error", message=f"{error}", remedy=remedy)
+            return error(f"{reason}", remedy)
         except TooSlow:
             return inconclusive(f"not done within {CHECK_LIMIT:.0f} s: the solver is too slow")
-        except Exception as error:
+        except Exception as reason:
             # an experiment that a solver's numbers lead astray must not end in a traceback
             if check.name == FIRST:
-                return Finding("error", message=f"{error!r:.200}", remedy=_UNFIT)
-            kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
-            return inconclusive(f"the measured numbers could not be used: {kind}{error}"[:300])
+                return error(f"{reason!r:.200}", _UNFIT)
+            kind = "" if isinstance(reason, ValueError) else f"{type(reason).__name__}: "
+            return inconclusive(f"the measured numbers could not be used: {kind}{reason}"[:300])
+
+
+def _is_on_purpose(error: Crash) -> bool:
+    """Return whether a solver raised an error on purpose, and not because of a NaN."""
+    trace = traceback.extract_tb(error.__cause__.__traceback__ if error.__cause__ else None)
+    line = (trace[-1].line or "") if trace else ""
+    text = f"{error.__cause__}".lower()
+    return line.startswith(("raise", "assert")) and not any(w in text for w in ("nan", "finite"))
 
 
 def _waits_for(check: Check) -> Collection[str]:
@@ -196,5 +210,4 @@ def check_solver(
         result = checkup.result(name)
         if callback:
             callback(result)
-    ordered = sorted(checkup.results.values(), key=lambda each: LINKS.index(each.link))
-    return Diagnosis(tuple(ordered), checkup.name)
+    return Diagnosis(tuple(checkup.results.values()), checkup.name)

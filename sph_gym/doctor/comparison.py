@@ -6,7 +6,7 @@ import numpy as np
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checkup import resolve
-from sph_gym.doctor.diagnosis import LINKS, Diagnosis, Result
+from sph_gym.doctor.diagnosis import COLUMNS, Diagnosis, Result
 from sph_gym.doctor.subject import Crash, Factory, Hang, Misfit, SolverUnderTest, Unsupported
 
 # Relative differences below these are rounding: of solvers in double precision that sum in another
@@ -52,7 +52,6 @@ def compare(a: Factory | str, b: Factory | str, seed: int = 0) -> Diagnosis:
             results.append(Result(setting.name, "setup", "error", message=text, remedy=remedy))
         except Unsupported as error:
             results.append(Result(setting.name, "setup", "skip", message=str(error)))
-    results.sort(key=lambda each: LINKS.index(each.link))
     return Diagnosis(tuple(results), f"{name_b} against {name_a}")
 
 
@@ -74,7 +73,7 @@ def _settings(rng: np.random.Generator) -> list[_Setting]:
 
 
 def _parting(setting: _Setting, a: SolverUnderTest, b: SolverUnderTest) -> list[Result]:
-    rounding = SINGLE if any(_is_single(each) for each in (a, b)) else DOUBLE
+    rounding = SINGLE if a.is_single or b.is_single else DOUBLE
 
     def differ(what: str, link: str, bound: float = rounding) -> Result:
         name = what.split(" ")[0]
@@ -92,8 +91,7 @@ def _parting(setting: _Setting, a: SolverUnderTest, b: SolverUnderTest) -> list[
         b.evaluate()
         if both("neighbors"):
             results.append(_lists(setting, a, b))
-        shown = (("rho", "density"), ("p", "pressure"), ("a", "force"))
-        results += [differ(name, link) for name, link in shown if both(name)]
+        results += [differ(name, link) for name, link in COLUMNS.items() if both(name)]
     for n_steps in (1, N_STEPS):
         for each in (a, b):
             each.step(setting.case.dt, n_steps - each.n_steps)
@@ -101,12 +99,6 @@ def _parting(setting: _Setting, a: SolverUnderTest, b: SolverUnderTest) -> list[
         title = "after a step" if n_steps == 1 else f"after {n_steps} steps"
         results += [differ(f"{name} {title}", "integration", bound) for name in "vx"]
     return results
-
-
-def _is_single(subject: SolverUnderTest) -> bool:
-    """Return whether positions are kept in single precision; what is no array is not."""
-    subject.x  # noqa: B018  an error inside of the property is told as the solver's
-    return getattr(getattr(subject.solver, "x", None), "dtype", None) == np.float32
 
 
 def _difference(

@@ -2,9 +2,10 @@
 
 import json
 import math
-from dataclasses import asdict, dataclass, field
+import time
+from dataclasses import asdict, dataclass, replace
 from textwrap import shorten
-from typing import Any
+from typing import Any, NamedTuple
 
 # The chain, in the order in which a fault travels through a solver.
 LINKS = (
@@ -18,6 +19,8 @@ LINKS = (
     "integration",
     "walls",
 )
+# What a solver may show of the chain, and the link that makes it.
+COLUMNS = {"rho": "density", "p": "pressure", "a": "force"}
 STATUSES = ("pass", "fail", "blocked", "skip", "inconclusive", "xfail", "error")
 BROKEN = ("fail", "error")
 # Longest message in a row of the table [characters].
@@ -28,7 +31,8 @@ WIDTH = 110
 class Result:
     """The outcome of one check.
 
-    check: its name; link: the link of the chain that it speaks of, see `LINKS`.
+    check: its name; link: the link of the chain that it speaks of, see `LINKS`. A check leaves its
+    name out, and the link unless the evidence points to another one than its own: see `of`.
 
     status: "pass"; "fail": the link is broken; "error": the solver crashed, hung or broke the
     protocol; "blocked": a check that this one builds on failed, so it was not done; "skip": the
@@ -57,14 +61,85 @@ class Result:
         """Return whether the result speaks against the solver."""
         return self.status in BROKEN
 
+    def of(self, check: Any, started: float) -> "Result":
+        """Return the result with the name, link and step of its check, begun at `started` [s]."""
+        return replace(
+            self,
+            check=check.name,
+            link=self.link or check.link,
+            step=check.step,
+            seconds=round(time.monotonic() - started, 3),
+        )
+
+
+class Measured(NamedTuple):
+    """The numbers that a result rests on; see `Result` for the fields."""
+
+    measured: Any = ""
+    expected: Any = ""
+    unit: str = ""
+    tolerance: str = ""
+
+    @property
+    def bare(self) -> "Measured":
+        """Return the two numbers alone, for an outcome that no tolerance decides."""
+        return Measured(self.measured, self.expected)
+
+
+NOTHING = Measured()
+
+
+def passed(message: str, numbers: Measured = NOTHING) -> Result:
+    """Return that the link is sound."""
+    return Result("", "", "pass", message=message, **numbers._asdict())
+
+
+def failed(message: str, remedy: str, numbers: Measured = NOTHING, link: str = "") -> Result:
+    """Return that the link is broken; link: where the evidence points, if not to the check's."""
+    return Result("", link, "fail", message=message, remedy=remedy, **numbers._asdict())
+
+
+def error(message: str, remedy: str, link: str = "") -> Result:
+    """Return that the solver crashed, hung or broke the protocol."""
+    return Result("", link, "error", message=message, remedy=remedy)
+
+
+def inconclusive(message: str, numbers: Measured = NOTHING) -> Result:
+    """Return that the outcome decides nothing."""
+    return Result("", "", "inconclusive", message=message, **numbers._asdict())
+
+
+def skipped(message: str) -> Result:
+    """Return that the solver does not show what the check needs."""
+    return Result("", "", "skip", message=message)
+
+
+def blocked(message: str) -> Result:
+    """Return that the check was not done, as one that it builds on failed."""
+    return Result("", "", "blocked", message=message)
+
+
+class Ends(Exception):
+    """A check ends before its last line, with the result that is given."""
+
+
+def need(condition: Any, message: str, numbers: Measured = NOTHING) -> None:
+    """End the check as inconclusive unless the condition holds."""
+    if not condition:
+        raise Ends(inconclusive(message, numbers))
+
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All results, in the order of the chain. `print(diagnosis)` shows them."""
+    """All results, put into the order of the chain. `print(diagnosis)` shows them."""
 
     results: tuple[Result, ...]
     name: str = ""
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        ordered = sorted(self.results, key=lambda each: LINKS.index(each.link))
+        object.__setattr__(self, "results", tuple(ordered))
 
     @property
     def ok(self) -> bool:
@@ -74,8 +149,7 @@ class Diagnosis:
     @property
     def first(self) -> Result | None:
         """Return the result that shows the first broken link, None if no check failed."""
-        broken = [each for each in self.results if each.broken]
-        return min(broken, key=lambda each: LINKS.index(each.link)) if broken else None
+        return next((each for each in self.results if each.broken), None)
 
     @property
     def link(self) -> str:

@@ -1,15 +1,15 @@
 """This package's own solver through the doctor's door."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from sph_gym import scenes
 from sph_gym.doctor.case import Array, Case
+from sph_gym.doctor.foreign.shared import boundary
 from sph_gym.doctor.subject import Factory
 from sph_gym.solver.checks import known
-from sph_gym.solver.geometry import LAYERS, lattice
+from sph_gym.solver.geometry import LAYERS
 from sph_gym.solver.integrators import INTEGRATORS
 from sph_gym.solver.kernels import ALL_KERNELS
 from sph_gym.solver.scene import Effects, Fluid, Scene
@@ -19,8 +19,6 @@ from sph_gym.solver.walls import Walls
 
 DENSITIES = ("summation", "continuity")
 WALLS = ("box", "like fluid", "extrapolated")
-# Multiple of dx: walls of boundary particles go on so far beyond the fluid where the box is open.
-BEYOND = 30
 
 
 class Here:
@@ -123,19 +121,10 @@ def of_scene(name: str) -> Factory:
 
 def short_name(name: str) -> Factory | str:
     """Return the factory that a short name stands for; other names as they are."""
-    makers: dict[str, Callable[[], Factory]] = {
-        "grid": here,
-        "brute": lambda: here(neighbors="brute"),
-        "float32": lambda: here(dtype="float32"),
-        "plain": _plain,
-    }
-    return makers[name]() if name in makers else name
-
-
-def _plain() -> Factory:
-    from sph_gym.doctor.plain import make
-
-    return make
+    settings = {"grid": {}, "brute": {"neighbors": "brute"}, "float32": {"dtype": "float32"}}
+    if name == "plain":
+        return "sph_gym.doctor.plain:make"
+    return here(**settings[name]) if name in settings else name
 
 
 def _walls(case: Case, kind: str) -> Walls | None:
@@ -143,23 +132,4 @@ def _walls(case: Case, kind: str) -> Walls | None:
         return None
     box: Any = case.box
     # fast particles pass boundary particles alone: as in the scenes, the box is there, too
-    return Walls(box=box) if kind == "box" else Walls(_layers(case), box, pressure=kind)
-
-
-def _layers(case: Case) -> Array:
-    """Return boundary particles (m, 2) [m] behind the finite sides of the box."""
-    assert case.box is not None
-    low, high = case.x.min(axis=0) - BEYOND * case.dx, case.x.max(axis=0) + BEYOND * case.dx
-    ends = np.array([low[0], high[0], low[1], high[1]])
-    solid = np.isfinite(case.box)
-    x_min, x_max, y_min, y_max = np.where(solid, case.box, ends).tolist()
-    deep = LAYERS * case.dx
-    sides = [
-        (x_min - deep, x_min, y_min, y_max),
-        (x_max, x_max + deep, y_min, y_max),
-        (x_min - deep, x_max + deep, y_min - deep, y_min),
-        (x_min - deep, x_max + deep, y_max, y_max + deep),
-    ]
-    return np.concatenate(
-        [lattice(*side, case.dx) for side, is_solid in zip(sides, solid, strict=True) if is_solid]
-    )
+    return Walls(box=box) if kind == "box" else Walls(boundary(case, LAYERS), box, pressure=kind)

@@ -9,11 +9,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sph_gym.doctor.case import Array, Case
+from sph_gym.doctor.diagnosis import COLUMNS
 from sph_gym.doctor.subject import Factory, SolverUnderTest
 
 # A step so short that nothing moves: this share of the time that sound takes across the support.
 TINY = 1e-4
-OPTIONAL = ("rho", "p", "a", "evaluate", "neighbors", "c0", "stiffness")
+OPTIONAL = (*COLUMNS, "evaluate", "neighbors", "c0", "stiffness")
 
 
 Subject = TypeVar("Subject")
@@ -79,6 +80,11 @@ class Lab:
         if "evaluate" in self.shown:
             return subject.evaluate()
         return subject.step(TINY * case.h / case.c0)
+
+    def seen(self, subject: SolverUnderTest) -> dict[str, Array]:
+        """Return all columns that a solver shows: those of the chain, then x and v."""
+        found = {name: subject.get(name) for name in COLUMNS if name in self.shown}
+        return found | {"x": subject.x, "v": subject.v}
 
     def density(self, case: Case) -> Array:
         """Return the densities (n,) [kg/m^3] at the case's positions; the solver must show rho."""

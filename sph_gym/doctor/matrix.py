@@ -48,11 +48,7 @@ def examine_all(
     """Yield the outcomes for solvers, each a name, its broken link, and what makes its factory."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(most_threads(), mp_context=context) as pool:
-        yield from pool.map(partial(_examine, shows), solvers)
-
-
-def _examine(shows: str, solver: tuple[str, str, Callable[[], Factory]]) -> DiagnosisOutcome:
-    return examine(*solver, shows)
+        yield from pool.map(partial(examine, shows=shows), *zip(*solvers, strict=True))
 
 
 def examine(

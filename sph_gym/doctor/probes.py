@@ -4,17 +4,14 @@ All probes lie in the positive quadrant and not far from the origin, so that a n
 that fails elsewhere doesn't spoil what is measured of the laws.
 """
 
-import traceback
 from collections.abc import Callable
-from functools import wraps
 from typing import NamedTuple
 
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, SUPPORT, Array, Case, case
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive
+from sph_gym.doctor.diagnosis import COLUMNS, Measured, Result, failed
 from sph_gym.doctor.lab import Lab, once
-from sph_gym.doctor.registry import CheckFunction
 from sph_gym.doctor.subject import Crash, SolverUnderTest
 
 # Time steps in which nothing moves, as a share of h / c0: pressures of close pairs may be 10^5
@@ -23,6 +20,8 @@ STILL = 1e-6
 MOMENT = 0.002  # the time step of particles in motion
 # Distances of pairs in support radii: dense where kernels differ, and some beyond the support.
 DISTANCES = np.array([*np.linspace(0.03, 0.98, 24), 1.03, 1.2, 1.5, 1.9])
+# Of pairs that are to collide.
+COLLIDING = np.linspace(0.6, 0.9, 6)
 # Between pairs, in support radii; a kernel of twice the support must not join two of them.
 _APART = 6.0
 _N_LONELY = 2
@@ -182,6 +181,30 @@ def closing(
     return seen
 
 
+class Collision(NamedTuple):
+    """Pairs that collide, at the distances `COLLIDING`; n particles.
+
+    x: (4, n, 2) positions at the start and after each of three steps; a, settled: (n, 2)
+    accelerations without friction, right then and after the particles stood still for two steps,
+    when what lags behind is in time.
+    """
+
+    x: Array
+    a: Array
+    settled: Array
+
+
+def collide(lab: Lab, **settings: float) -> Collision:
+    """Return what a solver does with pairs that fly into each other; settings: see `fluid`."""
+    start = pairs_case(COLLIDING, speed=2.0, **settings)
+    time = start.h / start.c0
+    subject = lab.make(start)
+    x = [subject.x, *(subject.step(0.03 * time).x for _ in range(3))]
+    rubbed = friction(lab, subject.x, subject.v, **settings)
+    a, _, settled = (subject.change(100 * STILL * time, n) - rubbed for n in (1, 2, 1))
+    return Collision(np.stack(x), a, settled)
+
+
 def friction(lab: Lab, x: Array, v: Array, **settings: float) -> Array:
     """Return the part of accelerations (n, 2) that goes with velocities."""
     return fields(lab, case(x, v, **settings)).a - fields(lab, case(x, **settings)).a
@@ -217,33 +240,6 @@ def takes(lab: Lab, ratio: float) -> bool:
     except Crash:
         return False
     return bool(np.isfinite(v).all())
-
-
-def tolerant(function: CheckFunction) -> CheckFunction:
-    """Make a check inconclusive where the solver refuses to go on.
-
-    Some watch their numbers and raise an error in states that are far from a fluid's, as those of
-    pairs at h = dx are.
-    """
-
-    @wraps(function)
-    def check(lab: Lab) -> Finding:
-        try:
-            return function(lab)
-        except Crash as error:
-            if _refused(error):
-                return inconclusive(f"the solver stopped by itself: {error}")
-            raise
-
-    return check
-
-
-def _refused(error: Crash) -> bool:
-    """Return whether a solver raised an error on purpose, and not because of a NaN."""
-    trace = traceback.extract_tb(error.__cause__.__traceback__ if error.__cause__ else None)
-    line = (trace[-1].line or "") if trace else ""
-    text = f"{error.__cause__}".lower()
-    return line.startswith(("raise", "assert")) and not any(w in text for w in ("nan", "finite"))
 
 
 def cluster(n: int, h: float, rng: np.random.Generator, least: float = 0.25) -> Array:
@@ -284,10 +280,10 @@ def pressed(lab: Lab, x: Array, **settings: float) -> tuple[Array, Seen]:
     return where, passing(subject, lab, dt)
 
 
-def not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Finding:
+def not_finite(lab: Lab, found: Seen, what: str, remedy: str) -> Result:
     """Return that something is not finite: densities, pressures or accelerations."""
     numbers = Measured("not finite", "finite")
-    for name, link, values in (("rho", "density", found.rho), ("p", "pressure", found.p)):
-        if name in lab.shown and not np.isfinite(values).all():
-            return failed(f"{what}: {name} not finite", remedy, numbers, link=link)
+    for name in ("rho", "p"):
+        if name in lab.shown and not np.isfinite(getattr(found, name)).all():
+            return failed(f"{what}: {name} not finite", remedy, numbers, link=COLUMNS[name])
     return failed(f"{what}: accelerations not finite", remedy, numbers)

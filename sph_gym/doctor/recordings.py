@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.diagnosis import LINKS, Diagnosis, Result
-from sph_gym.doctor.findings import Finding, inconclusive, skipped
+from sph_gym.doctor.diagnosis import Diagnosis, Result, inconclusive, skipped
 from sph_gym.doctor.passive.clumping import clumping, suction
 from sph_gym.doctor.passive.density import interior_density
 from sph_gym.doctor.passive.energy import energy, momentum
@@ -29,7 +28,7 @@ class Passive(NamedTuple):
 
     link: str
     step: int
-    function: Callable[[RecordingSurvey], Finding]
+    function: Callable[[RecordingSurvey], Result]
     whole: bool = True
 
     @property
@@ -71,12 +70,14 @@ def check_recording(path: str | os.PathLike[str]) -> Diagnosis:
     """
     recording = open_recording(path)
     survey = RecordingSurvey(recording)
-    results = [_result(check, survey) for check in CHECKS]
-    ordered = sorted(results, key=lambda each: LINKS.index(each.link))
-    return Diagnosis(tuple(ordered), recording.path, tuple(survey.notes))
+    results = []
+    for check in CHECKS:
+        started = time.monotonic()
+        results.append(_result(check, survey).of(check, started))
+    return Diagnosis(tuple(results), recording.path, tuple(survey.notes))
 
 
-def _finding(check: Passive, survey: RecordingSurvey) -> Finding:
+def _result(check: Passive, survey: RecordingSurvey) -> Result:
     if check.whole and not survey.n_frames:
         return skipped("no frame is finite in all its numbers")
     if check.whole and not survey.looks[0].n:
@@ -88,11 +89,3 @@ def _finding(check: Passive, survey: RecordingSurvey) -> Finding:
     except (ArithmeticError, ValueError, IndexError) as error:
         # what numbers lead astray must not end in a traceback
         return inconclusive(f"the recorded numbers could not be used: {error}")
-
-
-def _result(check: Passive, survey: RecordingSurvey) -> Result:
-    started = time.monotonic()
-    finding = _finding(check, survey)
-    seconds = round(time.monotonic() - started, 3)
-    link = finding.link or check.link
-    return Result(check.name, link, *finding[:-1], step=check.step, seconds=seconds)

@@ -3,11 +3,10 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from sph_gym.doctor.diagnosis import LINKS
-from sph_gym.doctor.findings import Finding
+from sph_gym.doctor.diagnosis import LINKS, Result
 from sph_gym.doctor.lab import Lab
 
-CheckFunction = Callable[[Lab], Finding]
+CheckFunction = Callable[[Lab], Result]
 
 
 class Check(NamedTuple):
@@ -17,7 +16,8 @@ class Check(NamedTuple):
     the playbook, 0 for none; needs: names of earlier checks without which it would tell nothing:
     where one of them failed, this one is blocked; shows: optional attributes that the solver must
     have; last: it shows that something is wrong, not where, and is done only if nothing before it
-    failed.
+    failed; may_refuse: a solver that raises an error on purpose, as some do in states that are far
+    from a fluid's, makes it inconclusive.
     """
 
     name: str
@@ -26,6 +26,7 @@ class Check(NamedTuple):
     needs: tuple[str, ...]
     shows: tuple[str, ...]
     last: bool
+    may_refuse: bool
     function: CheckFunction
 
     @property
@@ -43,6 +44,7 @@ def check(
     needs: tuple[str, ...] = ("adapter",),
     shows: tuple[str, ...] = (),
     last: bool = False,
+    may_refuse: bool = False,
 ) -> Callable[[CheckFunction], CheckFunction]:
     """Add the decorated function to the checks; see `Check` for the arguments.
 
@@ -56,7 +58,7 @@ def check(
         missing = [each for each in needs if each not in CHECKS]
         if name in CHECKS or missing:
             raise ValueError(f"check {name}: there already, or needs unknown {missing}")
-        CHECKS[name] = Check(name, link, step, needs, shows, last, function)
+        CHECKS[name] = Check(name, link, step, needs, shows, last, may_refuse, function)
         return function
 
     return add

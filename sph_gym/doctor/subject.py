@@ -20,7 +20,6 @@ Factory = Callable[[Case], Any]
 # One call into a solver may take so long [s], and its making, which may have to compile it.
 CALL_LIMIT, MAKE_LIMIT = 60.0, 300.0
 _NOTHING = object()
-_OPTIONAL = {"rho": 1, "p": 1, "a": 2}
 
 
 class Misfit(Exception):
@@ -70,9 +69,9 @@ class SolverUnderTest:
             raise Misfit("the solver has no method step(dt)")
 
     @property
-    def solver(self) -> Any:
-        """Return the object that the factory made."""
-        return self._solver
+    def is_single(self) -> bool:
+        """Return whether positions are kept in single precision; what is no array is not."""
+        return getattr(self._fetch("x"), "dtype", None) == np.float32
 
     def step(self, dt: float, n: int = 1) -> "SolverUnderTest":
         """Advance n steps of dt seconds each, and return self."""
@@ -106,7 +105,7 @@ class SolverUnderTest:
 
     def get(self, name: str) -> Array:
         """Return "rho" (n,), "p" (n,) or "a" (n, 2) of the last evaluation."""
-        return self._array(name, _OPTIONAL[name])
+        return self._array(name, 2 if name == "a" else 1)
 
     def number(self, name: str) -> float | None:
         """Return "c0" or "stiffness", None if it is not shown."""

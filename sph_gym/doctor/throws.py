@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.doctor.case import DX, Array, Case, case, lattice
+from sph_gym.doctor.case import DX, Array, Case, all_finite, case, lattice
 from sph_gym.doctor.lab import Lab
 
 SIDES = ("left", "right", "floor", "ceiling")
@@ -41,7 +41,7 @@ class Throw:
     @property
     def finite(self) -> bool:
         """Return whether all numbers are."""
-        return bool(np.isfinite(self.x).all() and np.isfinite(self.v).all())
+        return all_finite(self.x, self.v)
 
     @cached_property
     def depth(self) -> Array:

@@ -4,7 +4,6 @@ Before the first step and after every step it looks at what the solver shows, ke
 and stops at the first value that can't be, while the trace is still warm.
 """
 
-import json
 import math
 import os
 import warnings
@@ -16,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym.blowups import explain
-from sph_gym.files import atomic_write
+from sph_gym.files import atomic_write, in_folder
 from sph_gym.provenance import VERSION
 from sph_gym.solver.offender import Limits, Offender, State, find, neighborhood
-from sph_gym.solver.plain import to_plain
 from sph_gym.solver.simulation import Simulation
+from sph_gym.trajectory import stored_parameters
 
 # Number of states that are kept.
 KEPT = 100
@@ -48,17 +47,8 @@ class WatchedMoment(NamedTuple):
     state: State
 
 
-class BlowUp(Offender):
-    """A blow-up that a Simulation has reported: `limit` is its description in words."""
-
-    __slots__ = ()
-
-    def __str__(self) -> str:
-        return f"{self.limit}. The last states are the finite ones before it"
-
-
-class OtherParticles(Offender):
-    """A number of particles that has changed: `limit` is what happened in words."""
+class Told(Offender):
+    """An offender whose `limit` says all of it in words."""
 
     __slots__ = ()
 
@@ -103,11 +93,8 @@ class Tripped(Exception):
 
         Raises ValueError for another suffix.
         """
-        if Path(path).suffix != ".npz":
-            raise ValueError(f"path: expected one that ends with .npz, got {str(path)!r}")
-        arrays = _arrays(self)
-        with atomic_write(Path(path)) as draft:
-            np.savez_compressed(draft, **arrays)
+        with atomic_write(_npz(path)) as draft:
+            np.savez_compressed(draft, **_arrays(self))
 
 
 def watch(
@@ -132,10 +119,8 @@ def watch(
     Raises ValueError for a path that doesn't end with .npz, for limits that are none, and for what
     has no step, x or v; FileNotFoundError if the folder of the path is missing.
     """
-    if path is not None and Path(path).suffix != ".npz":
-        raise ValueError(f"path: expected one that ends with .npz, got {str(path)!r}")
-    if path is not None and not Path(path).resolve().parent.is_dir():
-        raise FileNotFoundError(f"path: there is no folder for {str(path)!r}")
+    if path is not None:
+        in_folder("path", _npz(path))
     if limits is not None and not isinstance(limits, Limits):
         raise ValueError(f"limits: expected Limits, got {limits!r}")
     if not any(callable(getattr(solver, name, None)) for name in ("step", "advance")):
@@ -237,7 +222,8 @@ class _Guard:
         if report is None or not getattr(report, "diverged", False):
             return None
         i = report.bad_particle
-        return BlowUp(i, report.link, "x", state.x[i], explain(report))
+        text = f"{explain(report)}. The last states are the finite ones before it"
+        return Told(i, report.link, "x", state.x[i], text)
 
     def _trip(self, offender: Offender) -> None:
         self._alert = False
@@ -283,16 +269,16 @@ def _another_number(before: State, state: State) -> Offender | None:
         "It has to show the same particles in the same order at all times: let those that leave "
         "stay in the arrays, and leave out those that come in later"
     )
-    return OtherParticles(-1, "setup", "x", float("nan"), text)
+    return Told(-1, "setup", "x", float("nan"), text)
 
 
 def _computed(state: State) -> State:
     """Return the state without columns of which no value is a number: those aren't computed yet."""
-    others = state._asdict()
-    for name in ("rho", "p", "a"):
-        if others[name] is not None and np.isnan(others[name]).all():
-            others[name] = None
-    return State(**others)
+
+    def numbers(column: Any) -> Any:
+        return None if column is None or np.isnan(column).all() else column
+
+    return state._replace(rho=numbers(state.rho), p=numbers(state.p), a=numbers(state.a))
 
 
 def _around(offender: Offender, moments: list[WatchedMoment]) -> list[str]:
@@ -310,6 +296,12 @@ def _around(offender: Offender, moments: list[WatchedMoment]) -> list[str]:
 # --- the file -------------------------------------------------------------------------------
 
 
+def _npz(path: str | os.PathLike[str]) -> Path:
+    if Path(path).suffix != ".npz":
+        raise ValueError(f"path: expected one that ends with .npz, got {str(path)!r}")
+    return Path(path)
+
+
 def _parameters(solver: Any) -> dict[str, Any]:
     found: dict[str, Any] = {"solver": type(solver).__name__}
     if isinstance(solver, Simulation):
@@ -322,7 +314,7 @@ def _parameters(solver: Any) -> dict[str, Any]:
 
 
 def _arrays(tripped: Tripped) -> dict[str, Any]:
-    """Return the arrays of the file, named as in `sph_gym.trajectory`."""
+    """Return the arrays of the file, as `sph_gym.trajectory` reads them."""
     states = [moment.state for moment in tripped.moments]
     n = len(states[-1].x)
     arrays: dict[str, Any] = {
@@ -334,18 +326,7 @@ def _arrays(tripped: Tripped) -> dict[str, Any]:
         if columns[-1] is not None:
             empty = np.full_like(columns[-1], math.nan)
             arrays[f"fields/{name}"] = np.stack([empty if c is None else c for c in columns])
-
-    def keep(name: str, array: Any) -> dict[str, str]:
-        arrays[name] = array
-        return {"array": name}
-
-    text = json.dumps(to_plain(_told(tripped, n), "arrays", keep), indent=1)
-    return arrays | {"parameters": np.bytes_(text.encode())}
-
-
-def _told(tripped: Tripped, n: int) -> dict[str, Any]:
-    """Return the parameters of the file."""
-    return tripped.parameters | {
+    parameters = tripped.parameters | {
         "n_fluid": n,
         "n_particles": n,
         "kind": np.zeros(n, np.uint8),
@@ -358,3 +339,4 @@ def _told(tripped: Tripped, n: int) -> dict[str, Any]:
         },
         "sph_gym": VERSION,
     }
+    return arrays | stored_parameters(parameters)

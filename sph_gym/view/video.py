@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.extras import needs_extra
-from sph_gym.files import atomic_write
+from sph_gym.files import atomic_write, in_folder
 from sph_gym.solver.checks import positive
 from sph_gym.view.colors import PAGE, RULE
 from sph_gym.view.layout import even
@@ -55,9 +55,7 @@ def video_target(path: str | os.PathLike[str], name: str = "path") -> Path:
     target = Path(path)
     if target.suffix.lower() not in ENDINGS:
         raise ValueError(f"{name}: expected a name ending in {' or '.join(ENDINGS)}, got {path!r}")
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"{name}: there is no directory {str(target.parent)!r}")
-    return target
+    return in_folder(name, target)
 
 
 def side_by_side(frames: Sequence[Picture]) -> Picture:

@@ -6,7 +6,9 @@ import pytest
 from sph_gym import scenes
 from sph_gym.doctor import check_solver
 from sph_gym.doctor.case import DX, case, lattice
+from sph_gym.doctor.foreign.shared import boundary
 from sph_gym.doctor.here import here, of_scene, short_name
+from sph_gym.solver.geometry import LAYERS
 from sph_gym.studies.doctor import sound_solvers
 
 KINDS = {name: (link, make) for name, link, make in sound_solvers() if name != "plain"}
@@ -28,10 +30,8 @@ def test_it_keeps_the_protocol():
 
 
 def test_layers_stand_behind_the_closed_sides():
-    from sph_gym.doctor.here import _layers
-
     one = case(lattice(4, 4), box=(-3 * DX, np.inf, -2 * DX, np.inf))
-    tail = _layers(one)
+    tail = boundary(one, LAYERS)
     assert ((tail[:, 0] < -3 * DX) | (tail[:, 1] < -2 * DX)).all()
     assert tail[:, 0].min() == pytest.approx(-6.5 * DX)
     assert tail[:, 1].min() == pytest.approx(-5.5 * DX)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, all_finite, case, lattice
+from sph_gym.doctor.checks.density import RENEW
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.pair_law import (
     CLEARLY,
@@ -18,31 +19,29 @@ from sph_gym.doctor.pair_law import (
     scaled_law,
 )
 from sph_gym.doctor.probes import (
+    COLLIDING,
     DISTANCES,
     STILL,
     closing,
+    collide,
     fields,
     fluid,
-    friction,
     gentle,
     pairs,
     pairs_case,
     squeezing,
     takes,
-    tolerant,
     triangles,
 )
 from sph_gym.doctor.registry import check
 
-_RENEW = "Renew densities in every step, before pressures and forces."
 _IN_ORDER = "In every step: densities of all particles first, then pressures, then forces."
 # In c0^2 / h, a force that counts as none, and one that counts as a push.
 _NONE, _PUSH = 2 * ROUNDING, 2e-2
 
 
-@check("force", step=4, needs=("isolated",))
-@tolerant
-def steady(lab: Lab) -> Finding:
+@check("force", step=4, needs=("isolated",), may_refuse=True)
+def steady(lab: Lab) -> Result:
     """Let squeezed pairs stand still for 30 tiny steps: do forces stay what they are?"""
     ratio = squeezing(lab)
     if ratio is None:
@@ -69,9 +68,8 @@ def steady(lab: Lab) -> Finding:
     )
 
 
-@check("force", step=8, needs=("isolated", "push_apart", "momentum", "isotropy"))
-@tolerant
-def pair_law(lab: Lab) -> Finding:
+@check("force", step=8, needs=("isolated", "push_apart", "momentum", "isotropy"), may_refuse=True)
+def pair_law(lab: Lab) -> Result:
     """Measure the force of pairs in several cases: which densities, law and kernel explain it?"""
     if {"rho", "p"} <= lab.shown:
         return skipped("rho and p are shown: other checks have measured them")
@@ -79,15 +77,14 @@ def pair_law(lab: Lab) -> Finding:
     if ratio is None:
         return inconclusive("the solver takes no case in which a pair is under pressure")
     series = _measured(lab, ratio)
-    if not all(np.isfinite(one.force).all() for one in series):
-        return inconclusive("forces of pairs are not finite")
+    need(all_finite(*(one.force for one in series)), "forces of pairs are not finite")
     least = _NONE if series[0].start is None else 1e-2 * _NONE
     if sum(int((np.abs(one.force) > least).sum()) for one in series) < 10:
         return inconclusive("too few pairs push or pull each other")
     return _explained(lab, series)
 
 
-def _explained(lab: Lab, series: list[PairForces]) -> Finding:
+def _explained(lab: Lab, series: list[PairForces]) -> Result:
     """Return which law explains the forces of pairs."""
     moving = series[0].start is not None
     # accelerations of pairs in motion belong to a time that is known to half a step only
@@ -150,7 +147,7 @@ def _closing_series(lab: Lab, ratio: float, h: float, c0: float) -> PairForces:
     return PairForces(ratio, h, c0, last.q, push, None, DISTANCES, first.q)
 
 
-def _another_stiffness(series: list[PairForces]) -> Finding | None:
+def _another_stiffness(series: list[PairForces]) -> Result | None:
     """Return that forces are as if sound had another speed, None if that doesn't explain them."""
     if series[0].start is not None or not _pushed(series):
         return None
@@ -170,15 +167,13 @@ def _another_stiffness(series: list[PairForces]) -> Finding | None:
     )
 
 
-@check("density", step=4, needs=("isolated", "pair_law"))
-@tolerant
-def rest_spacing(lab: Lab) -> Finding:
+@check("density", step=4, needs=("isolated", "pair_law"), may_refuse=True)
+def rest_spacing(lab: Lab) -> Result:
     """Set up lattices at rest, close and wide: is it near dx that they begin to push?"""
     if "rho" in lab.shown:
         return skipped("rho is shown: other checks have measured it")
     if "law" in lab.facts:
         return skipped("forces of pairs tell that densities are right")
-    numbers = {"unit": "dx"}
     for h in (H, H / 2):
         out = {each: _outward(lab, h, each) for each in (0.3, 0.75, 1.3)}
         if out[0.3] < _PUSH:
@@ -198,10 +193,10 @@ def rest_spacing(lab: Lab) -> Finding:
             f"a lattice of 7 x 7 at rest with {limit:g} of the spacing dx {what}",
             "Check the mass, rho0 dx^2 in 2D, the constant of the kernel, and that h is its "
             "support radius.",
-            Measured(f"{'below' if limit < 1 else 'above'} {limit:g}", "about 1", **numbers),
+            Measured(f"{'below' if limit < 1 else 'above'} {limit:g}", "about 1", "dx"),
         )
     return passed(
-        "lattices push from about the spacing dx on", Measured("0.75 to 1.3", "about 1", **numbers)
+        "lattices push from about the spacing dx on", Measured("0.75 to 1.3", "about 1", "dx")
     )
 
 
@@ -214,32 +209,22 @@ def _outward(lab: Lab, h: float, spacing: float) -> float:
     return float((a * arm).sum() / np.linalg.norm(arm, axis=1).sum()) * h / C0**2
 
 
-@check("force", step=4, needs=("isolated", "momentum_in_motion", "pair_law"))
-@tolerant
-def push_in_time(lab: Lab) -> Finding:
+@check("force", step=4, needs=("isolated", "momentum_in_motion", "pair_law"), may_refuse=True)
+def push_in_time(lab: Lab) -> Result:
     """Let pairs collide: are they pushed by the densities and pressures of where they are?"""
     law = lab.facts.get("law")
     if not isinstance(law, FittedPairLaw):
         return skipped("the law of the forces is not known")
-    q = np.linspace(0.6, 0.9, 6)
-    ratio = gentle(lab, lambda each: density(law, _at(lab, each, q)))
-    settings = fluid(H, ratio)
-    still, dt = 100 * STILL * H / C0, 0.03 * H / C0
-    subject = lab.make(pairs_case(q, speed=2.0, **settings))
-    history = [_distances(subject.x)]
-    for _ in range(3):
-        history.append(_distances(subject.step(dt).x))
-    x, rubbed = subject.x, friction(lab, subject.x, subject.v, **settings)
-    d = x[:6] - x[6:12]
-    along = d / np.linalg.norm(d, axis=1)[:, None]
-    # twice: what lags behind is in time when particles have stood still for two steps
-    pushes = [
-        ((a - rubbed)[:6] * along).sum(axis=1) * H / C0**2
-        for a in (subject.change(still), subject.change(still, 2), subject.change(still))
-    ]
+    ratio = gentle(lab, lambda each: density(law, _at(lab, each, COLLIDING)))
+    found, n = collide(lab, **fluid(H, ratio)), len(COLLIDING)
+    d = found.x[:, :n] - found.x[:, n : 2 * n]
+    r = np.linalg.norm(d, axis=2)
+    along = d[-1] / r[-1][:, None]
+    push, settled = ((a[:n] * along).sum(axis=1) * H / C0**2 for a in (found.a, found.settled))
+    first, _, last, now = r / H
     # a scheme may evaluate in the middle of a step
-    places = (history[-1], history[0], history[-2], (history[-1] + history[-2]) / 2)
-    return _in_time(law, pushes[0], pushes[-1], *(_at(lab, ratio, each) for each in places))
+    moments = (_at(lab, ratio, each) for each in (now, first, last, (now + last) / 2))
+    return _in_time(law, push, settled, *moments)
 
 
 def _at(lab: Lab, ratio: float, q: Array) -> PairForces:
@@ -250,10 +235,6 @@ def _at(lab: Lab, ratio: float, q: Array) -> PairForces:
     return one._replace(density=pairs(lab, q, **fluid(H, ratio)).rho.mean(axis=1) / RHO0)
 
 
-def _distances(x: Array) -> Array:
-    return np.linalg.norm(x[:6] - x[6:12], axis=1) / H
-
-
 def _in_time(
     law: FittedPairLaw,
     push: Array,
@@ -261,7 +242,7 @@ def _in_time(
     now: PairForces,
     start: PairForces,
     *lasts: PairForces,
-) -> Finding:
+) -> Result:
     """Return of which moment the densities are that made the push (k,) of colliding pairs.
 
     settled: the push when they stand still; lasts: moments of the step before.
@@ -272,8 +253,7 @@ def _in_time(
 
     right, first, *late = (force(law, each, now.q) for each in (now, start, *lasts))
     size = float(np.abs(right).max())
-    if not size:
-        return inconclusive("colliding pairs came under no pressure")
+    need(size, "colliding pairs came under no pressure")
     # the density in p / rho^2 may be the new one, and a leapfrog's push is half of the old one
     late += [
         force(law, each, now.q) * (density(law, each) / density(law, now)) ** 2 for each in lasts
@@ -283,17 +263,13 @@ def _in_time(
     off, whole = errors(right), errors(*before)
     lagging = errors(*late, *((each + right) / 2 for each in late))
     frozen = errors(first, (first + right) / 2)
-    numbers = {"unit": "of the push", "tolerance": "5 %"}
+    numbers = Measured(off, 0.0, "of the push", "5 %")
     if off < 0.05:
-        return passed("colliding pairs: densities act in time", Measured(off, 0.0, **numbers))
+        return passed("colliding pairs: densities act in time", numbers)
     best = min(lagging if np.abs(settled - right).max() < 0.05 * size else np.inf, frozen)
     if best > min(0.02, whole) or off < 0.1:
-        return inconclusive(
-            "colliding pairs: the push is no known one", Measured(off, 0.0, **numbers)
-        )
+        return inconclusive("colliding pairs: the push is no known one", numbers)
     what = "colliding pairs are pushed by the densities of "
     if frozen == best:
-        return failed(what + "the start", _RENEW, Measured(off, 0.0, **numbers), link="density")
-    return failed(
-        what + "one step before", _IN_ORDER, Measured(off, 0.0, **numbers), link="pressure"
-    )
+        return failed(what + "the start", RENEW, numbers, link="density")
+    return failed(what + "one step before", _IN_ORDER, numbers, link="pressure")

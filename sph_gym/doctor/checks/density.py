@@ -3,7 +3,16 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, H, case, interior, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import (
+    COLUMNS,
+    Measured,
+    Result,
+    failed,
+    inconclusive,
+    need,
+    passed,
+    skipped,
+)
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import Match, MeasuredWeights, integral, lattice_sum, match
 from sph_gym.doctor.probes import (
@@ -16,7 +25,6 @@ from sph_gym.doctor.probes import (
     pairs,
     spread,
     squeezing,
-    tolerant,
 )
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import SolverUnderTest
@@ -27,14 +35,14 @@ SUPPORT_RADIUS = (
     "the adapter, and use the same radius in the neighbour search."
 )
 _UPSIDE_DOWN = ", and yet they push: the slope of the kernel has the wrong sign everywhere"
-_RENEW = "Densities must be renewed in every step from the present neighbours."
+RENEW = "Renew densities in every step, from the present neighbours, before pressures and forces."
 EVERY_PAIR = (
     "Compare with a loop over all pairs. Then look at the neighbour search: cells smaller than "
     "the support, cells visited twice, a rounding that puts a particle into the wrong cell."
 )
 
 
-def by_continuity(lab: Lab) -> Finding:
+def by_continuity(lab: Lab) -> Result:
     """Return what is found of densities that don't depend on positions."""
     settings = fluid(H)
     early, late = closing(lab, DISTANCES, (4, 16), **settings)
@@ -53,7 +61,7 @@ def by_continuity(lab: Lab) -> Finding:
     return _reach(middle, slopes) or _slopes_mass(lab, middle, slopes)
 
 
-def _falling(slopes: Array, pushes: bool) -> Finding:
+def _falling(slopes: Array, pushes: bool) -> Result:
     """Return that densities fall where they should rise; pushes: whether pairs part even so."""
     # thinned particles that push: the slope in the force has the wrong sign, too
     return failed(
@@ -65,7 +73,7 @@ def _falling(slopes: Array, pushes: bool) -> Finding:
     )
 
 
-def _reach(q: Array, slopes: Array) -> Finding | None:
+def _reach(q: Array, slopes: Array) -> Result | None:
     """Return that slopes end elsewhere than at h, None if they don't."""
     size = np.abs(slopes).max()
     far = (q > 1.0) & (np.abs(slopes) > 1e-2 * size)
@@ -85,7 +93,7 @@ def _reach(q: Array, slopes: Array) -> Finding | None:
     return None
 
 
-def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Finding:
+def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Result:
     """Return whether d rho/dt = -rho div v has the right size."""
     found = match(q, slopes, "slope", alike=0.03)
     lab.facts["kernel"] = found.name
@@ -98,8 +106,7 @@ def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Finding:
             f"densities by continuity; the kernel is {name}",
             Measured(share, 1.0, unit="of -rho div v"),
         )
-    if not found.kernel:
-        return inconclusive("densities by continuity, kernel unknown", Measured(share, 1.0))
+    need(found.kernel, "densities by continuity, kernel unknown", Measured(share, 1.0))
     return failed(
         f"pairs that approach each other: d rho/dt = -rho div v is off ({name} kernel)",
         factor_remedy(share, H, found),
@@ -107,20 +114,20 @@ def _slopes_mass(lab: Lab, q: Array, slopes: Array) -> Finding:
     )
 
 
-def _deaf(lab: Lab, own: float) -> Finding:
+def _deaf(lab: Lab, own: float) -> Result:
     lists = "neighbors" in lab.shown
     start = case([[H, H], [1.3 * H, H]])
     listed = lists and 1 in lab.make(start).step(STILL * start.dt).neighbors(0)
     lost = (lists and not listed) or (not lists and own < 0.9 * RHO0)
     return failed(
         "pairs at 28 distances, at rest and approaching: each has the density of a lone particle",
-        EVERY_PAIR if lost else _RENEW,
+        EVERY_PAIR if lost else RENEW,
         Measured(own, "more than that of a lone particle", unit="kg/m^3"),
         link="neighbours" if lost else "density",
     )
 
 
-def uneven(q: Array, one_sided: Array, between: Array, noise: float) -> Finding:
+def uneven(q: Array, one_sided: Array, between: Array, noise: float) -> Result:
     """Return that densities of like pairs differ: between partners (k, 2), or places (k,)."""
     lonely = bool(one_sided.max() > noise)
     bad = one_sided > noise if lonely else np.tile(between > noise, 2)
@@ -154,7 +161,6 @@ def factor_remedy(share: float, h: float, found: Match, small: float | None = No
     return f"{mass}; here densities are {share:.3g} times too large. Else the kernel's constant."
 
 
-_LINKS = {"rho": "density", "p": "pressure", "a": "force"}
 _SELF = (
     "Begin each sum with the particle's own share, rho[i] = m W(0, h), before the neighbours are "
     "added: then no density is ever zero."
@@ -166,7 +172,7 @@ _STEP = (
 
 
 @check("density", step=4)
-def isolated(lab: Lab) -> Finding:
+def isolated(lab: Lab) -> Result:
     """Leave particles alone in empty space: is the density positive and everything finite?"""
     start = case(spread(3, H))
     subject = lab.make(start)
@@ -193,17 +199,16 @@ def isolated(lab: Lab) -> Finding:
 
 def _first_not_finite(lab: Lab, subject: SolverUnderTest) -> str:
     """Return the first of what is shown, along the chain, that is not finite; "" if all is."""
-    shown = {name: subject.get(name) for name in _LINKS if name in lab.shown}
-    shown |= {"x": subject.x, "v": subject.v}
-    return next((name for name, each in shown.items() if not np.isfinite(each).all()), "")
+    seen = lab.seen(subject).items()
+    return next((name for name, each in seen if not np.isfinite(each).all()), "")
 
 
-def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> Finding:
+def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> Result:
     # positions and velocities are what accelerations make of them, which were finite so far
-    moved = name not in _LINKS and "a" in lab.shown
+    moved = name not in COLUMNS and "a" in lab.shown
     # a division by a density of zero shows in what comes after it
     empty = "rho" in lab.shown and not float(subject.get("rho").min()) > 0
-    link = "integration" if moved else "density" if empty else _LINKS.get(name, "density")
+    link = "integration" if moved else "density" if empty else COLUMNS.get(name, "density")
     return failed(
         f"three particles far apart: {name} is not finite after {n_steps} steps"
         + (", though accelerations are" if moved else ""),
@@ -213,9 +218,8 @@ def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> 
     )
 
 
-@check("density", step=8, needs=("isolated",), shows=("rho",))
-@tolerant
-def kernel(lab: Lab) -> Finding:
+@check("density", step=8, needs=("isolated",), shows=("rho",), may_refuse=True)
+def kernel(lab: Lab) -> Result:
     """Measure the density kernel by pairs: its shape, where it ends, the particle's own share."""
     ratio, table = SUPPORT, _reacting(lab, SUPPORT)
     if table is None and squeezing(lab):
@@ -250,7 +254,7 @@ def _reacting(lab: Lab, ratio: float) -> Pairs | None:
     return table if np.abs(table.rho - own).max() > 1e-4 * abs(own) else None
 
 
-def _ends(weights: MeasuredWeights) -> Finding | None:
+def _ends(weights: MeasuredWeights) -> Result | None:
     """Return that the kernel ends elsewhere than at h, None if it doesn't."""
     q, values = weights.q, weights.values
     size = np.abs(values).max()
@@ -271,7 +275,7 @@ def _ends(weights: MeasuredWeights) -> Finding | None:
     return None
 
 
-def _own_share(weights: MeasuredWeights) -> Finding | None:
+def _own_share(weights: MeasuredWeights) -> Result | None:
     """Return that a particle's own share is not the kernel's value at 0, None if it is."""
     near, next_ = weights.values[:2]
     step = weights.q[0] / (weights.q[1] - weights.q[0])
@@ -298,9 +302,8 @@ def _own_share(weights: MeasuredWeights) -> Finding | None:
     )
 
 
-@check("density", step=4, needs=("isolated", "kernel"), shows=("rho",))
-@tolerant
-def density_follows(lab: Lab) -> Finding:
+@check("density", step=4, needs=("isolated", "kernel"), shows=("rho",), may_refuse=True)
+def density_follows(lab: Lab) -> Result:
     """Let pairs approach each other: do their densities follow?"""
     if lab.facts.get("density") != "summation":
         return skipped("densities are no sums over positions")
@@ -324,15 +327,14 @@ def density_follows(lab: Lab) -> Finding:
     if np.abs(rho - first).max() < 0.05 * np.abs(now[0] - first).max():
         return failed(
             "four pairs approach for 10 steps: densities stay what they were at the start",
-            "Renew densities in every step, before pressures and forces.",
+            RENEW,
             Measured(float(rho.mean()), float(now[1].mean()), unit="kg/m^3"),
         )
     return inconclusive("densities of moving pairs are not those of their positions", numbers)
 
 
-@check("density", step=4, needs=("isolated",), shows=("rho",))
-@tolerant
-def interior_density(lab: Lab) -> Finding:
+@check("density", step=4, needs=("isolated",), shows=("rho",), may_refuse=True)
+def interior_density(lab: Lab) -> Result:
     """Set up a lattice at rest: is the density inside near rho0?"""
     share, explained = _inside(lab, H)
     if explained is not None and abs(share / explained - 1) > 0.02:
@@ -390,7 +392,7 @@ _SPEED = 0.3 * C0
 
 
 @check("density", step=4, needs=("isolated",), shows=("rho",))
-def density_in_flow(lab: Lab) -> Finding:
+def density_in_flow(lab: Lab) -> Result:
     """Let a block shrink by its own motion: does the density inside rise as it should?"""
     x = lattice(9, 9)
     half = x.max()
@@ -401,11 +403,12 @@ def density_in_flow(lab: Lab) -> Finding:
     rise, narrower = subject.get("rho") - begun, np.ptp(subject.x[:, 0]) / width
     # the nine in the middle, which no surface is near
     inside = np.abs(x).max(axis=1) < 1.5 * DX
-    if not np.isfinite(rise).all():
-        return inconclusive("the block is not finite, which other checks judge")
+    need(np.isfinite(rise).all(), "the block is not finite, which other checks judge")
     planned = _SHRINK * _STEPS / (_STEPS + 1)
-    if not 0.9 < (1 - narrower) / planned < 1.5:
-        return inconclusive("the block does not shrink as it moves, which other checks judge")
+    need(
+        0.9 < (1 - narrower) / planned < 1.5,
+        "the block does not shrink as it moves, which other checks judge",
+    )
     expected = RHO0 * (narrower**-2 - 1)
     share = float(np.median(rise[inside]) / expected)
     told = f"a block of 9 x 9 becomes {1 - narrower:.1%} narrower by its own motion"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, SUPPORT, Array, Case, H, case, cloud, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import MeasuredWeights
 from sph_gym.doctor.probes import (
@@ -19,7 +19,6 @@ from sph_gym.doctor.probes import (
     passing,
     pressed,
     squeezing,
-    tolerant,
 )
 from sph_gym.doctor.registry import check
 
@@ -53,9 +52,8 @@ _HALF = (
 )
 
 
-@check("force", step=3, needs=("isolated",))
-@tolerant
-def momentum(lab: Lab) -> Finding:
+@check("force", step=3, needs=("isolated",), may_refuse=True)
+def momentum(lab: Lab) -> Result:
     """Squeeze groups of four, then a cloud: do all forces add up to zero?"""
     ratio = squeezing(lab)
     numbers = {"unit": "of the forces", "tolerance": "1 %"}
@@ -79,10 +77,7 @@ def momentum(lab: Lab) -> Finding:
             link, remedy = "neighbours", LISTS
         return failed(what, remedy, Measured(large, 0.0, **numbers), link=link)
     worst = max(small, large)
-    if not worst >= 0:
-        return inconclusive(
-            "nothing pushes in groups under pressure", Measured(worst, 0.0, **numbers)
-        )
+    need(worst >= 0, "nothing pushes in groups under pressure", Measured(worst, 0.0, **numbers))
     return passed("groups of four and a cloud of 6 x 6", Measured(worst, 0.0, **numbers))
 
 
@@ -102,7 +97,7 @@ def _left_over(found: Seen, n_groups: int) -> float:
 
 
 @check("force", step=4, needs=("momentum", "flight"))
-def momentum_in_motion(lab: Lab) -> Finding:
+def momentum_in_motion(lab: Lab) -> Result:
     """Let a cloud shrink and burst: do forces add up to zero in every step?"""
     x = cloud(lab.rng, 8, 8, 0.9 * DX, 0.1)
     start = case(x, -0.025 * C0 / DX * (x - x.mean(axis=0)))
@@ -110,8 +105,7 @@ def momentum_in_motion(lab: Lab) -> Finding:
     for _ in range(12):
         gains.append(subject.step(start.dt).v - start.v)
     gained = np.array(gains)
-    if not np.isfinite(gained).all():
-        return inconclusive("a cloud in motion is not finite, which other checks judge")
+    need(np.isfinite(gained).all(), "a cloud in motion is not finite, which other checks judge")
     size = float(np.linalg.norm(gained, axis=2).sum(axis=1).max())
     if size < 1e-3 * np.abs(start.v).sum():
         return inconclusive("a cloud shrinks, and nothing pushes")
@@ -123,9 +117,8 @@ def momentum_in_motion(lab: Lab) -> Finding:
     return passed("a cloud of 8 x 8 in motion keeps its momentum", numbers)
 
 
-@check("force", step=3, needs=("isolated", "momentum"))
-@tolerant
-def push_apart(lab: Lab) -> Finding:
+@check("force", step=3, needs=("isolated", "momentum"), may_refuse=True)
+def push_apart(lab: Lab) -> Result:
     """Squeeze a blob: do its particles move apart?"""
     for side, spacing in ((5, 0.75), (5, 0.45), (9, 0.3)):
         x = lattice(side, side, spacing * DX, center=(1.0, 1.1))
@@ -145,7 +138,7 @@ def _outward(x: Array, a: Array) -> float:
     return float((a * arms).sum() / (size * np.abs(arms).sum())) if size else 0.0
 
 
-def _apart(lab: Lab, out: float, found: Seen) -> Finding:
+def _apart(lab: Lab, out: float, found: Seen) -> Result:
     numbers = Measured(out, "above 0", unit="of the largest acceleration")
     if out > 0.02:
         return passed("a blob, squeezed, expands", numbers)
@@ -169,7 +162,7 @@ def _pairs_attract(lab: Lab) -> bool:
     return not found.push.min() > -_NONE or found.rho.max() < RHO0
 
 
-def _contracting(lab: Lab, found: Seen) -> Finding:
+def _contracting(lab: Lab, found: Seen) -> Result:
     """Return whether a blob that contracts is pushed apart, where densities are by continuity."""
     early, late = (_in_motion(lab, -1.0, n) for n in (6, 30))
     numbers = {"unit": "c0^2/h"}
@@ -206,7 +199,7 @@ def _in_motion(lab: Lab, rate: float, n_steps: int) -> float:
     return _outward(x, a) * float(np.abs(a).max()) * H / C0**2
 
 
-def _no_push(found: Seen) -> Finding:
+def _no_push(found: Seen) -> Result:
     # comparisons that are true for NaN, too: for what isn't shown
     if found.rho.max() <= 1.05 * RHO0:
         return inconclusive(
@@ -234,9 +227,8 @@ _TURNS = {
 _N_COPIES = 5
 
 
-@check("force", step=3, needs=("isolated",))
-@tolerant
-def isotropy(lab: Lab) -> Finding:
+@check("force", step=3, needs=("isolated",), may_refuse=True)
+def isotropy(lab: Lab) -> Result:
     """Mirror and turn a squeezed group: do the accelerations turn with it?"""
     ratio = squeezing(lab) or SUPPORT
     shape = cluster(7, H, lab.rng, least=0.2) * (1.0 if ratio < 2 else 0.5)
@@ -281,9 +273,8 @@ _TOUCH = (
 )
 
 
-@check("force", step=3, needs=("isolated",))
-@tolerant
-def coincident(lab: Lab) -> Finding:
+@check("force", step=3, needs=("isolated",), may_refuse=True)
+def coincident(lab: Lab) -> Result:
     """Put two particles at one place, alone and in a blob: does everything stay finite?"""
     blob = lattice(5, 5, DX, center=(1.0, 1.1))
     dense = lattice(5, 5, 0.85 * DX, center=(1.0, 1.1))
@@ -313,9 +304,8 @@ def _speed_after(lab: Lab, start: Case) -> float:
     return float(np.abs([subject.v / C0, 0 * subject.x]).max())
 
 
-@check("force", step=4, needs=("isolated", "kernel", "interior_density"))
-@tolerant
-def dense_group(lab: Lab) -> Finding:
+@check("force", step=4, needs=("isolated", "kernel", "interior_density"), may_refuse=True)
+def dense_group(lab: Lab) -> Result:
     """Crowd 40 particles into one place: are densities their sums, and all finite?"""
     x = cluster(40, 0.6 * H, lab.rng, least=0.03) + np.array([1.0, 1.1])
     start = case(x)

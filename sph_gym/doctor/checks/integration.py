@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from sph_gym.doctor.case import DX, SUPPORT, Array, Case, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.case import DX, SUPPORT, Array, Case, all_finite, case, lattice
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import Crash
@@ -18,6 +18,7 @@ LONG, SHORT, LONGEST = 0.1, 0.02, 1.0
 _STEPS = 10
 # Lone particles feel nothing but rounding, magnified where velocities are differences of positions.
 _LONE = 5e-3
+_LOST = "lone particles are not finite, which the checks of density judge"
 MOVE = "The last lines of a step are v += a * dt and x += v * dt, with the dt that it was given: "
 
 
@@ -48,7 +49,7 @@ def factor(values: Array, of: Array) -> float:
 
 
 @check("integration", needs=("order",))
-def flight(lab: Lab) -> Finding:
+def flight(lab: Lab) -> Result:
     """Let lone particles fly without any force: v must stay, and x move by v dt a step."""
     angle = 2 * np.pi * np.arange(9) / 9 + 0.3
     v = np.stack([np.cos(angle), np.sin(angle)], axis=1) * np.linspace(0.5, 3.0, 9)[:, None]
@@ -57,8 +58,7 @@ def flight(lab: Lab) -> Finding:
     for share in (LONG, SHORT):
         dt = duration(start, share)
         x1, v1, x2, v2 = _course(lab, start, dt, _STEPS)
-        if not all(np.isfinite(each).all() for each in (x1, v1, x2, v2)):
-            return inconclusive("lone particles are not finite, which the checks of density judge")
+        need(all_finite(x1, v1, x2, v2), _LOST)
         if wrong := _changed(v, v2, (_STEPS + 1) * dt):
             return wrong
         kept.append(factor(v2, v))
@@ -76,7 +76,7 @@ def flight(lab: Lab) -> Finding:
     )
 
 
-def _divided(lab: Lab, start: Case) -> Finding | None:
+def _divided(lab: Lab, start: Case) -> Result | None:
     """Return what is wrong with a long step that the solver may divide, None if nothing is."""
     dt = duration(start, LONGEST)
     try:
@@ -95,7 +95,7 @@ def _divided(lab: Lab, start: Case) -> Finding | None:
     )
 
 
-def _changed(before: Array, after: Array, time: float) -> Finding | None:
+def _changed(before: Array, after: Array, time: float) -> Result | None:
     """Return what changes velocities other than by one factor, None if nothing does."""
     change = after - before
     size, speeds = np.abs(change).max(), np.linalg.norm(before, axis=1)
@@ -125,7 +125,7 @@ def _changed(before: Array, after: Array, time: float) -> Finding | None:
     )
 
 
-def _decay(kept: list[float]) -> Finding:
+def _decay(kept: list[float]) -> Result:
     each = abs(kept[0]) ** (1 / (_STEPS + 1))
     alike = abs(kept[0] - kept[1]) < 0.2 * abs(1 - kept[0])
     how = f"v is multiplied by {each:.4g} a step, whatever dt is" if alike else "v decays with time"
@@ -139,7 +139,7 @@ def _decay(kept: list[float]) -> Finding:
     )
 
 
-def _drift(moved: list[float]) -> Finding:
+def _drift(moved: list[float]) -> Result:
     long, short = moved
     ratio = long / short if short else np.inf
     expected = SHORT / LONG
@@ -160,7 +160,7 @@ def _drift(moved: list[float]) -> Finding:
 
 
 @check("integration", needs=("flight",))
-def galilean(lab: Lab) -> Finding:
+def galilean(lab: Lab) -> Result:
     """Give a block one velocity: it must do what the same block does at rest, and fly along."""
     speed = np.array([1.2, 0.7])
     still = case(lattice(4, 4))
@@ -170,8 +170,7 @@ def galilean(lab: Lab) -> Finding:
     dx = (other[2] - other[0]) - (one[2] - one[0])
     dv = other[3] - one[3]
     scale = float(np.hypot(*speed))
-    if not (np.isfinite(dx).all() and np.isfinite(dv).all()):
-        return inconclusive("the block is not finite, which other checks judge")
+    need(all_finite(dx, dv), "the block is not finite, which other checks judge")
     kept = factor(dv.mean(axis=0), speed)
     moved = factor(dx.mean(axis=0), speed * _STEPS * dt)
     spread = float(np.abs(dv - speed).max() / scale)
@@ -202,7 +201,7 @@ _FALL_ERROR = 0.03
 
 
 @check("integration", needs=("flight", "galilean"))
-def free_fall(lab: Lab) -> Finding:
+def free_fall(lab: Lab) -> Result:
     """Let lone particles and a block fall along x, along y and askew: dv/dt must be g."""
     for gravity in _FALLS:
         if wrong := _fall(lab, gravity):
@@ -210,14 +209,13 @@ def free_fall(lab: Lab) -> Finding:
     return _falling_block(lab)
 
 
-def _fall(lab: Lab, gravity: tuple[float, float]) -> Finding | None:
+def _fall(lab: Lab, gravity: tuple[float, float]) -> Result | None:
     g, factors = np.array(gravity), []
     for share in _FALL_STEPS:
         start = _alone(np.zeros((9, 2)), gravity)
         dt, steps = duration(start, share), 4 * _STEPS
         _, v1, x2, v2 = _course(lab, start, dt, steps)
-        if not (np.isfinite(x2).all() and np.isfinite(v2).all()):
-            return inconclusive("lone particles are not finite, which the checks of density judge")
+        need(all_finite(x2, v2), _LOST)
         a = (v2 - v1) / (steps * dt)
         factors.append(a)
         t = (steps + 1) * dt
@@ -235,7 +233,7 @@ def _fall(lab: Lab, gravity: tuple[float, float]) -> Finding | None:
     return None
 
 
-def _wrong_fall(lab: Lab, g: Array, factors: list[Array]) -> Finding:
+def _wrong_fall(lab: Lab, g: Array, factors: list[Array]) -> Result:
     long, short = (each.mean(axis=0) for each in factors)
     link, cause = _cause(lab, g, long, short)
     return failed(
@@ -279,7 +277,7 @@ def _cause(lab: Lab, g: Array, long: Array, short: Array) -> tuple[str, str]:
     return "force", f"Gravity is {times:.3g} times too strong: it is an acceleration, not a force."
 
 
-def _falling_block(lab: Lab) -> Finding:
+def _falling_block(lab: Lab) -> Result:
     g = np.array([13.0, -39.0])
     gains = []
     for gravity in (np.zeros(2), g):
@@ -288,8 +286,7 @@ def _falling_block(lab: Lab) -> Finding:
         _, v1, _, v2 = _course(lab, start, dt, _STEPS)
         gains.append((v2 - v1).mean(axis=0) / (_STEPS * dt))
     fall = gains[1] - gains[0]
-    if not np.isfinite(fall).all():
-        return inconclusive("the block is not finite, which other checks judge")
+    need(np.isfinite(fall).all(), "the block is not finite, which other checks judge")
     numbers = Measured(
         f"({fall[0]:.4g}, {fall[1]:.4g})", f"({g[0]:g}, {g[1]:g})", unit="m/s^2", tolerance="3 %"
     )

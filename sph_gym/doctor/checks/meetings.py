@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, case, lattice
+from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, all_finite, case, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, listed
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.groups import at_rest, difference, felt, present, spread
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -44,7 +44,7 @@ class FreshComparison(NamedTuple):
 
 
 @check("neighbours", step=2, needs=("order", "flight"))
-def long_way(lab: Lab) -> Finding:
+def long_way(lab: Lab) -> Result:
     """Let lone particles fly far from where they began: the search must follow them."""
     angle = 2 * np.pi * np.arange(8) / 8 + 0.2
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -60,7 +60,7 @@ def long_way(lab: Lab) -> Finding:
 
 
 @check("neighbours", step=2, needs=("order",))
-def newcomers(lab: Lab) -> Finding:
+def newcomers(lab: Lab) -> Result:
     """Let two groups fly into each other: does a running solver feel what a new one feels?"""
     known = [_look(lab, _huddle(), n_steps) for n_steps in (2, 4, 6)]
     met = []
@@ -68,8 +68,10 @@ def newcomers(lab: Lab) -> Finding:
         met.append(_look(lab, _meeting(GAP), n_steps))
         if met[-1].unlisted:
             return _out_of_date(met[-1].unlisted, 0, "pairs missing")
-    if not np.isfinite([each[:2] for each in known + met]).all():
-        return inconclusive("two groups that meet: some numbers are not finite")
+    need(
+        np.isfinite([each[:2] for each in known + met]).all(),
+        "two groups that meet: some numbers are not finite",
+    )
     worst = []
     for way in (0, 1):
         # densities may have a memory, so that a new solver tells nothing
@@ -124,7 +126,7 @@ def _look(lab: Lab, start: Case, n_steps: int) -> FreshComparison:
 
 
 def _finite(now: Case) -> bool:
-    return bool(np.isfinite(now.x).all() and np.isfinite(now.v).all())
+    return all_finite(now.x, now.v)
 
 
 def _unlisted(subject: SolverUnderTest, dt: float) -> int:
@@ -136,7 +138,7 @@ def _unlisted(subject: SolverUnderTest, dt: float) -> int:
     return int((near & (counts == 0) & (counts.T == 0)).sum())
 
 
-def _out_of_date(measured: float, expected: float, unit: str) -> Finding:
+def _out_of_date(measured: float, expected: float, unit: str) -> Result:
     what = (
         f"{measured} pairs nearer than {CLOSE} h are not in the lists"
         if unit == "pairs missing"
@@ -151,14 +153,16 @@ def _out_of_date(measured: float, expected: float, unit: str) -> Finding:
     )
 
 
-def _passing_through(lab: Lab) -> Finding:
+def _passing_through(lab: Lab) -> Result:
     """Compare how much groups slow each other down that come from afar, and that begin near."""
     touching = DX / _meeting(GAP).h
     together, before = round(0.25 / (SPEED * STEP)), round((GAP - touching) / (SPEED * STEP))
     near, _ = _slowed(lab, touching, together)
     _, changed = _slowed(lab, GAP, before // 2)
-    if not (0.05 < near < 2.2 and changed < 0.1 * DX):
-        return inconclusive("two groups that meet hardly react, or explode, or remember densities")
+    need(
+        0.05 < near < 2.2 and changed < 0.1 * DX,
+        "two groups that meet hardly react, or explode, or remember densities",
+    )
     far, _ = _slowed(lab, GAP, before + together)
     numbers = Measured(far, near, unit="of the speed lost")
     if abs(far) < 0.02 * near:

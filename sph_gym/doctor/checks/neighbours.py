@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, RHO0, Array, Case, case, cloud, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.groups import at_rest
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
@@ -121,7 +121,7 @@ BRUTE_FORCE = (
 
 
 @check("neighbours", step=2, needs=("order",), shows=("neighbors",))
-def neighbor_lists(lab: Lab) -> Finding:
+def neighbor_lists(lab: Lab) -> Result:
     """Compare the lists of neighbours with all pairs, at cell borders and around the origin."""
     tried = 0
     for where, start in _arrangements(lab):
@@ -174,7 +174,7 @@ def _is_half(counts: Matrix, near: NDArray[np.bool_]) -> bool:
 
 def _missing(
     lab: Lab, where: str, start: Case, r: Array, near: NDArray[np.bool_], missing: NDArray[np.bool_]
-) -> Finding:
+) -> Result:
     i, j = np.argwhere(missing)[0]
     text = (
         f"{start.n} particles {where}: {int(missing.sum())} of {int(near.sum())} neighbours are "
@@ -195,7 +195,7 @@ def _missing(
     )
 
 
-def _short(lab: Lab, reach: float, text: str) -> Finding | None:
+def _short(lab: Lab, reach: float, text: str) -> Result | None:
     """Judge lists that end at `reach` [h]; None if the kernel goes on there."""
     soft = ends_softly(lab, reach)
     numbers = Measured(reach, 1.0, unit="h")
@@ -212,7 +212,7 @@ def _short(lab: Lab, reach: float, text: str) -> Finding | None:
     )
 
 
-def _doubled(lab: Lab, where: str, counts: Matrix, near: NDArray[np.bool_]) -> Finding:
+def _doubled(lab: Lab, where: str, counts: Matrix, near: NDArray[np.bool_]) -> Result:
     number = int((counts[near] > 1).sum())
     text = f"particles {where}: {number} of {int(near.sum())} neighbours are listed more than once"
     weights = pair_weights(lab)

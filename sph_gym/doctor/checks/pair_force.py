@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import RHO0, TAIT, Array, H
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import KERNELS, Kernel, Match, integral, match
-from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing, tolerant
+from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing
 from sph_gym.doctor.registry import check
 
 _PAIRING = (
@@ -32,9 +32,8 @@ class Slope(NamedTuple):
     density: Match
 
 
-@check("force", step=8, needs=("isolated", "push_apart"), shows=("rho", "p"))
-@tolerant
-def force_kernel(lab: Lab) -> Finding:
+@check("force", step=8, needs=("isolated", "push_apart"), shows=("rho", "p"), may_refuse=True)
+def force_kernel(lab: Lab) -> Result:
     """Measure the slope of the force's kernel by pairs: its shape and its constant."""
     ratio = squeezing(lab)
     slope = None if ratio is None else measure(lab, H, ratio)
@@ -108,23 +107,20 @@ def _slope(
     return Slope(q, values, found, moment / mass, density)
 
 
-def _constant(lab: Lab, slope: Slope, ratio: float) -> Finding:
+def _constant(lab: Lab, slope: Slope, ratio: float) -> Result:
     """Return whether the constant in front of the force's kernel is right."""
     name = slope.found.name or "no known name"
     numbers = {"unit": "of -m dW/dr", "tolerance": "6 %; half is Mueller's form"}
     for right in (1.0, 0.5):
         if abs(slope.share / right - 1) < 0.06:
             return passed(f"the force's kernel is {name}", Measured(slope.share, right, **numbers))
-    if not slope.found.kernel:
+    if slope.found.kernel is None:
         return inconclusive(f"the force's kernel has {name}", Measured(slope.share, 1.0, **numbers))
     small = measure(lab, H / 2, ratio)
     if small is None:
         return inconclusive("the force at half of h could not be had", Measured(slope.share, 1.0))
     link, cause = factor_cause(slope.share, small.share, H, slope.found.kernel, slope.density)
-    if not cause:
-        return inconclusive(
-            f"the force's kernel is {name}; its size is not", Measured(slope.share, 1.0)
-        )
+    need(cause, f"the force's kernel is {name}; its size is not", Measured(slope.share, 1.0))
     text = f"pairs under pressure: the push against the measured pressures and densities ({name})"
     return failed(text, cause, Measured(slope.share, 1.0, **numbers), link=link)
 

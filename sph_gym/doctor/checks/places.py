@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, Array, Case, case, cloud, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, FAR
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.groups import Response, difference, disc, felt, respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -25,17 +25,16 @@ _SILENT = "particles don't feel each other, at rest or in motion"
 # Pushes of this size [c0^2 / h] are no fluid's, squeezed or not.
 _BURST = 1e9
 _THROWN = "groups at rest burst, which other checks judge"
+_ANOTHER = "the same case twice gives different numbers"
 
 
 @check("neighbours", step=2, needs=("order",))
-def same_everywhere(lab: Lab) -> Finding:
+def same_everywhere(lab: Lab) -> Result:
     """Put the same group at 26 places: does it feel the same at each?"""
     start, places, members = _copies(lab)
     response = respond(lab, start, np.repeat(places, MEMBERS, axis=0))
-    if not response.finite:
-        return inconclusive("the same group at 26 places: some numbers are not finite")
-    if not felt(response, start):
-        return inconclusive(_SILENT)
+    need(response.finite, "the same group at 26 places: some numbers are not finite")
+    need(felt(response, start), _SILENT)
     if _explodes(response, start):
         return inconclusive(_THROWN)
     copies = response.take(members)
@@ -74,7 +73,7 @@ def _explodes(response: Response, start: Case) -> bool:
     return bool(np.abs(response.a).max() > _BURST * start.c0**2 / start.h)
 
 
-def _walled(start: Case, places: Array, wandering: Array) -> Finding:
+def _walled(start: Case, places: Array, wandering: Array) -> Result:
     worst = int(np.argmax(wandering))
     return failed(
         f"groups at rest in open space (case.box is None): the one at {_place(places[worst])} m "
@@ -92,10 +91,10 @@ def _place(place: Array | tuple[float, float]) -> str:
 
 def _unequal(
     lab: Lab, start: Case, places: Array, members: NDArray[np.intp], differs: Array
-) -> Finding:
+) -> Result:
     again = respond(lab, start, np.repeat(places, MEMBERS, axis=0)).take(members)
-    if not np.allclose(difference(again, _median(again), start), differs, rtol=0.01, atol=1e-4):
-        return inconclusive("the same case twice gives different numbers")
+    repeats = np.allclose(difference(again, _median(again), start), differs, rtol=0.01, atol=1e-4)
+    need(repeats, _ANOTHER)
     worst = int(np.argmax(differs))
     wrong = np.asarray(differs > EQUAL)
     text = (
@@ -131,8 +130,13 @@ def _unlike(one: Response, other: Response, start: Case) -> float:
     return float(difference(one.take(np.arange(len(one.a))[None]), other, start)[0])
 
 
+def _need_the_same_again(lab: Lab, start: Case, here: Response) -> None:
+    again = respond(lab, start, start.x.mean(axis=0))
+    need(_unlike(again, here, start) <= 0.01 * EQUAL, _ANOTHER)
+
+
 @check("neighbours", step=2, needs=("order",))
-def same_when_shifted(lab: Lab) -> Finding:
+def same_when_shifted(lab: Lab) -> Result:
     """Shift a cloud by parts of a cell, to negative coordinates and far away."""
     worst, silent = 0.0, True
     for ratio in (2, 3, 4):
@@ -140,8 +144,7 @@ def same_when_shifted(lab: Lab) -> Finding:
         spacing = 0.85 * DX
         start = case(np.round(lattice(9, 5) / DX) * spacing, h=1.001 * ratio * spacing)
         here = respond(lab, start, start.x.mean(axis=0))
-        if not here.finite:
-            return inconclusive(f"a squeezed lattice, h/dx = {ratio}: some numbers are not finite")
+        need(here.finite, f"a squeezed lattice, h/dx = {ratio}: some numbers are not finite")
         silent = silent and not felt(here, start)
         for shift in ((0.5, 0.25), (-20.0, 0.0), (-0.37, -7.13), (FAR, -FAR)):
             moved = case(start.x + np.array(shift) * start.h, h=start.h)
@@ -161,11 +164,9 @@ def same_when_shifted(lab: Lab) -> Finding:
 
 def _shifted(
     lab: Lab, start: Case, moved: Case, here: Response, there: Response, shift: tuple[float, float]
-) -> Finding:
+) -> Result:
     differs = _unlike(there, here, start) if there.finite else np.nan
-    again = respond(lab, start, start.x.mean(axis=0))
-    if _unlike(again, here, start) > 0.01 * EQUAL:
-        return inconclusive("the same case twice gives different numbers")
+    _need_the_same_again(lab, start, here)
     if _explodes(there, start) or _explodes(here, start):
         return inconclusive(_THROWN)
     wandering = np.abs(there.moved - here.moved).max(axis=1)
@@ -181,7 +182,7 @@ def _shifted(
 
 
 @check("neighbours", step=2, needs=("order",))
-def any_order(lab: Lab) -> Finding:
+def any_order(lab: Lab) -> Result:
     """Give the same particles in other orders: does each feel the same?"""
     worst = []
     # much squeezed, for pressure even if half of all pairs are missing; and with 44 neighbours
@@ -190,14 +191,12 @@ def any_order(lab: Lab) -> Finding:
         case(cloud(lab.rng, 9, 9, 0.8 * DX, 0.2)),
     ):
         here = respond(lab, start, start.x.mean(axis=0))
-        if not here.finite:
-            return inconclusive("a squeezed cloud: some numbers are not finite")
+        need(here.finite, "a squeezed cloud: some numbers are not finite")
         if felt(here, start):
             worst.append(_reordered(lab, start, here))
         if worst and worst[-1] > EQUAL:
             return _by_order(lab, start, here, worst[-1])
-    if not worst:
-        return inconclusive(_SILENT)
+    need(worst, _SILENT)
     return passed(
         "a squeezed cloud feels the same in three orders",
         Measured(max(worst), 0.0, tolerance=UNEQUAL),
@@ -214,10 +213,8 @@ def _reordered(lab: Lab, start: Case, here: Response) -> float:
     return worst
 
 
-def _by_order(lab: Lab, start: Case, here: Response, worst: float) -> Finding:
-    again = respond(lab, start, start.x.mean(axis=0))
-    if _unlike(again, here, start) > 0.01 * EQUAL:
-        return inconclusive("the same case twice gives different numbers")
+def _by_order(lab: Lab, start: Case, here: Response, worst: float) -> Result:
+    _need_the_same_again(lab, start, here)
     return failed(
         f"a squeezed cloud of {start.n}: when the particles are given in another order, densities "
         f"or accelerations change by {100 * worst:.2g} %",

@@ -4,20 +4,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, TAIT, Array, Case, H, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.case import C0, DX, GAMMA, RHO0, TAIT, Array, Case, H, all_finite, case, lattice
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.probes import (
+    COLLIDING,
     STILL,
     Seen,
+    collide,
     fields,
     fluid,
-    friction,
     gentle,
     pairs,
     pairs_case,
     squeezing,
-    tolerant,
 )
 from sph_gym.doctor.registry import check
 
@@ -37,12 +37,11 @@ class PressureFit(NamedTuple):
     error: float
 
 
-@check("pressure", step=6, needs=("isolated",), shows=("rho", "p"))
-@tolerant
-def equation_of_state(lab: Lab) -> Finding:
+@check("pressure", step=6, needs=("isolated",), shows=("rho", "p"), may_refuse=True)
+def equation_of_state(lab: Lab) -> Result:
     """Squeeze a cloud: are pressures Tait's for the measured densities?"""
     rho, p = _samples(lab)
-    if not (np.isfinite(rho).all() and np.isfinite(p).all()):
+    if not all_finite(rho, p):
         return failed("a squeezed cloud: p is not finite", _TAIT, Measured("not finite", "finite"))
     dense = rho > 1.005 * RHO0
     if dense.sum() < 8:
@@ -100,12 +99,15 @@ def _fit(ratio: Array, p: Array) -> PressureFit:
     return best
 
 
-def _judge(lab: Lab, law: PressureFit) -> Finding:
-    shown = f"B = {law.stiffness:.4g}, gamma = {law.gamma:.3g}"
-    wanted = f"B = {TAIT:.4g}, gamma = {GAMMA:g}"
-    numbers = {"unit": "Pa", "tolerance": "3 % of B, 0.1 of gamma"}
+def _judge(lab: Lab, law: PressureFit) -> Result:
+    numbers = Measured(
+        f"B = {law.stiffness:.4g}, gamma = {law.gamma:.3g}",
+        f"B = {TAIT:.4g}, gamma = {GAMMA:g}",
+        "Pa",
+        "3 % of B, 0.1 of gamma",
+    )
     if law.error > 0.03:
-        return inconclusive("a squeezed cloud: p is no power law of rho", Measured(shown, wanted))
+        return inconclusive("a squeezed cloud: p is no power law of rho", numbers.bare)
     share = law.stiffness * law.gamma / (TAIT * GAMMA)
     off = abs(law.offset) > 0.05 * abs(law.stiffness) * law.gamma
     if abs(law.gamma - 1) < 0.1 and GAMMA > 1.5:
@@ -113,59 +115,50 @@ def _judge(lab: Lab, law: PressureFit) -> Finding:
             f"a squeezed cloud: p = {share * C0**2:.4g} (rho - rho0), the linear gas law",
             "The linear law hardly resists strong compression: the fluid bounces like a gas. "
             + _TAIT,
-            Measured(shown, wanted, **numbers),
+            numbers,
         )
     if abs(law.gamma - GAMMA) > 0.1:
         return failed(
             "a squeezed cloud: p against rho has another exponent",
             f"{_TAIT}The exponent here is {law.gamma:.3g}.",
-            Measured(shown, wanted, **numbers),
+            numbers,
         )
     if abs(share - 1) < 0.03 and not off:
-        return passed("a squeezed cloud: Tait's equation", Measured(shown, wanted, **numbers))
+        return passed("a squeezed cloud: Tait's equation", numbers)
     if abs(law.offset / law.stiffness - 1) < 0.05:
         return failed(
             f"a squeezed cloud: p = {law.offset:.3g} Pa at rho0, where it should be 0: that is B",
             "The - 1 of Tait's equation is missing, so that fluid at rest is under pressure. "
             + _TAIT,
-            Measured(shown, wanted, **numbers),
+            numbers,
         )
     if off:
-        return inconclusive(
-            f"a squeezed cloud: p = {law.offset:.3g} Pa at rho0", Measured(shown, wanted, **numbers)
-        )
-    return _stiffness(lab, share, shown, wanted, numbers)
+        return inconclusive(f"a squeezed cloud: p = {law.offset:.3g} Pa at rho0", numbers)
+    return _stiffness(lab, share, numbers)
 
 
-def _stiffness(lab: Lab, share: float, shown: str, wanted: str, numbers: dict[str, str]) -> Finding:
+def _stiffness(lab: Lab, share: float, numbers: Measured) -> Result:
     """Return whether a stiffness that isn't rho0 c0^2 / gamma is a fault."""
     subject = lab.make(case(lattice(3, 3)))
     c0 = subject.number("c0") if "c0" in lab.shown else None
     told = subject.number("stiffness") if "stiffness" in lab.shown else None
     if c0 and abs(share * (C0 / c0) ** 2 - 1) < 0.03:
-        return passed(
-            f"Tait's equation with the solver's own c0 = {c0:g} m/s", Measured(shown, wanted)
-        )
+        return passed(f"Tait's equation with the solver's own c0 = {c0:g} m/s", numbers.bare)
     known = next((n for n in (GAMMA, 1 / GAMMA) if abs(share / n - 1) < 0.03), None)
     # its own stiffness is legal, unless it also says that sound is as fast as the case wants it
     excused = told and abs(share * TAIT / told - 1) < 0.03 and not (c0 and abs(c0 / C0 - 1) < 0.03)
     if known is None and excused:
-        return inconclusive(
-            "Tait's equation with a stiffness of the solver's own", Measured(shown, wanted)
-        )
+        return inconclusive("Tait's equation with a stiffness of the solver's own", numbers.bare)
     cause = {
         GAMMA: "B lacks the division by gamma: it is rho0 c0^2, sound is sqrt(gamma) times faster, "
         "and time steps for c0 are too long. ",
         1 / GAMMA: "B is divided by gamma twice: sound is sqrt(gamma) times slower. ",
     }.get(known or 0.0, f"B is {share:.3g} times as large as case.c0 makes it. ")
-    return failed(
-        "a squeezed cloud: the stiffness B", cause + _TAIT, Measured(shown, wanted, **numbers)
-    )
+    return failed("a squeezed cloud: the stiffness B", cause + _TAIT, numbers)
 
 
-@check("pressure", step=5, needs=("isolated",), shows=("rho", "p"))
-@tolerant
-def clamp(lab: Lab) -> Finding:
+@check("pressure", step=5, needs=("isolated",), shows=("rho", "p"), may_refuse=True)
+def clamp(lab: Lab) -> Result:
     """Look at pairs far below rho0: do pressures below zero pull them together?"""
     if lab.facts.get("density") == "continuity":
         return skipped("densities by continuity don't fall at a free surface")
@@ -173,10 +166,7 @@ def clamp(lab: Lab) -> Finding:
     start = pairs_case(q, **fluid(H))
     found = fields(lab, start)
     thin = found.rho < 0.98 * RHO0
-    if not thin.any():
-        return inconclusive(
-            "no density below rho0 could be had", Measured(float(found.rho.min()), RHO0)
-        )
+    need(thin.any(), "no density below rho0 could be had", Measured(float(found.rho.min()), RHO0))
     lowest, highest = float(found.p[thin].min()), float(found.p[thin].max())
     at_rest = np.median(np.abs(fields(lab, case(lattice(9, 9, center=(1.0, 1.1)))).p))
     if highest > max(0.1 * TAIT, 2 * float(at_rest)):
@@ -213,9 +203,10 @@ _IN_TIME = (
 )
 
 
-@check("pressure", step=4, needs=("isolated", "equation_of_state"), shows=("rho", "p"))
-@tolerant
-def pressure_in_time(lab: Lab) -> Finding:
+@check(
+    "pressure", step=4, needs=("isolated", "equation_of_state"), shows=("rho", "p"), may_refuse=True
+)
+def pressure_in_time(lab: Lab) -> Result:
     """Let pairs collide: does each pressure belong to the density of the same evaluation?"""
     if lab.facts.get("density") != "summation":
         return skipped("densities are no sums over positions")
@@ -224,7 +215,7 @@ def pressure_in_time(lab: Lab) -> Finding:
     return _after_motion(lab)
 
 
-def _evaluated_twice(lab: Lab) -> Finding | None:
+def _evaluated_twice(lab: Lab) -> Result | None:
     """Return that a second evaluation gives other pressures, None if it doesn't."""
     x = lattice(5, 5, 0.8 * DX, center=(1.0, 1.1))
     subject = lab.make(case(x)).evaluate()
@@ -245,28 +236,22 @@ def _evaluated_twice(lab: Lab) -> Finding | None:
     )
 
 
-def _after_motion(lab: Lab) -> Finding:
+def _after_motion(lab: Lab) -> Result:
     """Return whether pairs that moved are pushed by the pressures of where they are now."""
     ratio = squeezing(lab)
     if ratio is None:
         return inconclusive("the solver takes no case in which a pair is under pressure")
-    q = np.linspace(0.6, 0.9, 6)
-    ratio = gentle(lab, lambda each: pairs(lab, q, **fluid(H, each)).rho / RHO0)
+    ratio = gentle(lab, lambda each: pairs(lab, COLLIDING, **fluid(H, each)).rho / RHO0)
     settings = fluid(H, ratio)
-    still = 100 * STILL * H / C0
-    subject = lab.make(pairs_case(q, speed=2.0, **settings))
-    before = subject.step(0.03 * H / C0, 2).x
-    subject.step(0.03 * H / C0)
-    x, v = subject.x, subject.v
-    rubbed = friction(lab, x, v, **settings)
-    # what lags behind is in time when particles have stood still for two steps
-    a, _, settled = (subject.change(still, n) - rubbed for n in (1, 2, 1))
+    found = collide(lab, **settings)
+    before, x = found.x[-2:]
     # a scheme may evaluate in the middle of a step
     places = (x, before, (x + before) / 2)
-    return _in_time(a, settled, *(fields(lab, case(where, **settings)) for where in places))
+    seen = (fields(lab, case(where, **settings)) for where in places)
+    return _in_time(found.a, found.settled, *seen)
 
 
-def _in_time(a: Array, settled: Array, now: Seen, *earlier: Seen) -> Finding:
+def _in_time(a: Array, settled: Array, now: Seen, *earlier: Seen) -> Result:
     """Return which pressures made the accelerations a.
 
     settled: accelerations when particles stand still; earlier: moments of the step before.
@@ -287,13 +272,11 @@ def _in_time(a: Array, settled: Array, now: Seen, *earlier: Seen) -> Finding:
     late += [(1 + each) / 2 for each in late]
     right, whole = error(now.a), error(*(old.a for old in earlier))
     wrong = error(*(each[:, None] * now.a for each in late))
-    numbers = {"unit": "of the push", "tolerance": "5 %"}
+    numbers = Measured(right, 0.0, "of the push", "5 %")
     if right < 0.05:
-        return passed("colliding pairs: pressures act in time", Measured(right, 0.0, **numbers))
+        return passed("colliding pairs: pressures act in time", numbers)
     cured = float(np.abs(settled - now.a)[pushed].max()) < 0.05 * size
     if cured and right > 0.1 and wrong < min(0.2 * right, whole):
         what = "colliding pairs are pushed by the pressures of one step before"
-        return failed(what, _IN_TIME, Measured(right, 0.0, **numbers))
-    return inconclusive(
-        "colliding pairs: the push is no known one", Measured(right, 0.0, **numbers)
-    )
+        return failed(what, _IN_TIME, numbers)
+    return inconclusive("colliding pairs: the push is no known one", numbers)

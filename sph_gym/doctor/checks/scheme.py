@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, cloud, lattice
+from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, all_finite, case, cloud, lattice
 from sph_gym.doctor.checks.integration import LONG, MOVE, duration, factor
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 
@@ -100,7 +100,7 @@ def squeezed(lab: Lab, speed: float) -> Case:
 
 
 @check("integration", needs=("flight",), shows=("a",))
-def step_uses_acceleration(lab: Lab) -> Finding:
+def step_uses_acceleration(lab: Lab) -> Result:
     """Compare the change of v in a step of a squeezed cloud with the accelerations shown."""
     start, long_and_short = squeezed(lab, speed=0.02 * C0), []
     for share in (LONG / 2, LONG / 10):
@@ -110,8 +110,7 @@ def step_uses_acceleration(lab: Lab) -> Finding:
         before, v = subject.get("a"), subject.v
         subject.step(dt)
         after, gain = subject.get("a"), (subject.v - v) / dt
-        if not all(np.isfinite(each).all() for each in (before, after, gain)):
-            return inconclusive("the cloud is not finite, which other checks judge")
+        need(all_finite(before, after, gain), "the cloud is not finite, which other checks judge")
         if np.abs(after).max() < 1e-4 * start.c0**2 / start.h:
             return inconclusive("hardly any acceleration is shown: nothing to compare")
         candidates = [_factors(gain, a) for a in (before, after, (before + after) / 2)]
@@ -135,7 +134,7 @@ def _from_one(found: Factors) -> float:
     return float(np.abs(found[0] - 1).max()) + found[1]
 
 
-def _judge_factors(candidates: list[Factors], long: Factors, short: Factors) -> Finding:
+def _judge_factors(candidates: list[Factors], long: Factors, short: Factors) -> Result:
     factors, left = short
     numbers = (f"({factors[0]:.4g}, {factors[1]:.4g})", "(1, 1)")
     if _from_one(short) < 0.15:
@@ -172,7 +171,7 @@ _EXACT = 0.03
 
 
 @check("integration", needs=("flight",))
-def scheme(lab: Lab) -> Finding:
+def scheme(lab: Lab) -> Result:
     """Name the integrator: take apart each step of a lively cloud by accelerations from outside."""
     start = squeezed(lab, speed=0.05 * C0)
     found = _identify(lab, start, 0.15)
@@ -220,7 +219,7 @@ _BROKEN = {
 def _identify(lab: Lab, start: Case, share: float) -> tuple[Fit, Fit] | None:
     dt = duration(start, share)
     track = ShortRun(lab, start, dt, *lab.course(start, dt, _COUNTED.stop + 1))
-    if not (np.isfinite(track.x).all() and np.isfinite(track.v).all()):
+    if not all_finite(track.x, track.v):
         return None
     return best_kick(track), best_drift(track)
 
@@ -239,7 +238,7 @@ def _known(kick: Fit, drift: Fit) -> str:
 
 
 @check("integration", needs=("flight",))
-def ringing(lab: Lab) -> Finding:
+def ringing(lab: Lab) -> Result:
     """Let sound go to and fro in a block: its energy must not grow, least of all with dt."""
     told = "sound in a block of 6 x 6: kinetic energy after ten crossings, in units of the first"
     usual = _ring(lab, LONG)

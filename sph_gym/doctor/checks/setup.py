@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sph_gym.doctor.case import DX, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, passed
+from sph_gym.doctor.case import DX, all_finite, case, lattice
+from sph_gym.doctor.diagnosis import COLUMNS, Measured, Result, failed, passed
 from sph_gym.doctor.lab import OPTIONAL, TINY, Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.subject import Misfit
@@ -19,7 +19,7 @@ _SORTED = (
 
 
 @check("setup", needs=())
-def adapter(lab: Lab) -> Finding:
+def adapter(lab: Lab) -> Result:
     """Make a solver for nine particles, do two steps, read everything that it shows."""
     x = lattice(3, 3, 1.1 * DX)
     nine = case(x)
@@ -32,14 +32,12 @@ def adapter(lab: Lab) -> Finding:
         )
     if not np.allclose(subject.v, 0.0):
         raise Misfit("v is not case.v before the first step")
-    raw = getattr(subject.solver, "x", None)
-    lab.float32 = getattr(raw, "dtype", None) == np.float32
+    lab.float32 = subject.is_single
     for _ in range(2):
         subject.step(TINY * nine.h / nine.c0)
         # some show nothing before their first step
         lab.shown = frozenset(name for name in OPTIONAL if subject.shows(name))
-        values = {"x": subject.x, "v": subject.v}
-        values |= {name: subject.get(name) for name in ("rho", "p", "a") if name in lab.shown}
+        values = lab.seen(subject)
     if "evaluate" in lab.shown:
         subject.evaluate()
     if "neighbors" in lab.shown:
@@ -59,7 +57,7 @@ def adapter(lab: Lab) -> Finding:
 
 
 def _first_bad(values: dict[str, np.ndarray]) -> str:
-    for name, link in (("rho", "density"), ("p", "pressure"), ("a", "force")):
+    for name, link in COLUMNS.items():
         if name in values and not np.isfinite(values[name]).all():
             return link
     # positions and velocities were those of the case, and only forces are left to spoil them
@@ -67,7 +65,7 @@ def _first_bad(values: dict[str, np.ndarray]) -> str:
 
 
 @check("setup")
-def order(lab: Lab) -> Finding:
+def order(lab: Lab) -> Result:
     """Let particles that don't touch fly apart: does each keep its place in x and v?"""
     # in an order that no grid would choose
     x = lattice(4, 4, 1.5 * DX * 3)[lab.rng.permutation(16)]
@@ -77,7 +75,7 @@ def order(lab: Lab) -> Finding:
     dt = start.dt
     for n in range(4):
         where, speed = subject.x, subject.v
-        if not (np.isfinite(where).all() and np.isfinite(speed).all()):
+        if not all_finite(where, speed):
             return passed("some values are not finite, which other checks judge")
         moved, turned = _owners(where, x), _owners(speed, v)
         if (moved != range(16)).any() or (turned != range(16)).any():
@@ -88,7 +86,7 @@ def order(lab: Lab) -> Finding:
     )
 
 
-def _exchanged(moved: np.ndarray, turned: np.ndarray, n_steps: int) -> Finding:
+def _exchanged(moved: np.ndarray, turned: np.ndarray, n_steps: int) -> Result:
     """Return what is wrong; moved, turned: whose position and velocity each particle has."""
     together = (moved == turned).all()
     text = "16 particles far apart: " + (

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, DISTANCES, STEP, Weights, pair_weights
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.groups import respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
@@ -23,7 +23,7 @@ LOOKS_TOO_NEAR = (
 
 
 @check("neighbours", step=2, needs=("order",), shows=("rho",))
-def pair_sums(lab: Lab) -> Finding:
+def pair_sums(lab: Lab) -> Result:
     """Measure what one neighbour adds to a density, and whether many add as much each."""
     weights = pair_weights(lab)
     if weights is None:
@@ -47,16 +47,17 @@ def pair_sums(lab: Lab) -> Finding:
 
 
 @check("neighbours", step=2, needs=("order",))
-def pair_reach(lab: Lab) -> Finding:
+def pair_reach(lab: Lab) -> Result:
     """Put pairs at many distances: what they feel must die away, not break off, towards h."""
     start, center, r = _spaced_pairs(lab)
     response = respond(lab, start, center)
-    if not response.finite:
-        return inconclusive("pairs at many distances: some accelerations are not finite")
+    need(response.finite, "pairs at many distances: some accelerations are not finite")
     a = np.linalg.norm(response.a.reshape(len(r), 2, 2), axis=2).mean(axis=1)
     felt_at = np.flatnonzero(a > 1e-6 * a.max())
-    if not (a.max() > 1e-6 * start.c0**2 / start.h and len(felt_at) > 2):
-        return inconclusive("pairs don't feel each other, at rest or in motion")
+    need(
+        a.max() > 1e-6 * start.c0**2 / start.h and len(felt_at) > 2,
+        "pairs don't feel each other, at rest or in motion",
+    )
     last = felt_at[-1]
     # the weak end of a kernel may be lost among what is left of pressures that cancel
     numbers = Measured(float(r[last]), 1.0, unit="h")
@@ -81,7 +82,7 @@ def _spaced_pairs(lab: Lab) -> tuple[Case, Array, Array]:
     return case(x, h=h), np.repeat(places, 2, axis=0), r
 
 
-def _one_sided(weights: Weights) -> Finding | None:
+def _one_sided(weights: Weights) -> Result | None:
     if not weights.one_sided:
         return None
     first, second = weights.pairs.T
@@ -94,7 +95,7 @@ def _one_sided(weights: Weights) -> Finding | None:
     )
 
 
-def _twice(weights: Weights) -> Finding | None:
+def _twice(weights: Weights) -> Result | None:
     """Judge the nearest pair: what it adds is what a particle adds to itself."""
     if not weights.alone > 0:
         return None
@@ -110,7 +111,7 @@ def _twice(weights: Weights) -> Finding | None:
     )
 
 
-def _cut_off(weights: Weights) -> Finding | None:
+def _cut_off(weights: Weights) -> Result | None:
     ends, added = weights.ends, np.abs(weights.added)
     last = float(added[ends == DISTANCES][0])
     if ends > 0.96 or last < STEP * added.max():
@@ -123,7 +124,7 @@ def _cut_off(weights: Weights) -> Finding | None:
     )
 
 
-def _crowded(weights: Weights) -> Finding | None:
+def _crowded(weights: Weights) -> Result | None:
     share, count = [], []
     for x, rho in ((weights.x, weights.rho), (weights.few_x, weights.few_rho)):
         share.append(rho / weights.predicted(x))
@@ -154,7 +155,7 @@ def _capped(weights: Weights, short: NDArray[np.bool_]) -> bool:
     return len(rho) > 1 and float(np.ptp(rho)) < 1e-6 * float(rho.max())
 
 
-def _unclear(shares: Array) -> Finding:
+def _unclear(shares: Array) -> Result:
     worst = float(shares[np.argmax(np.abs(shares - 1))])
     return inconclusive(
         "densities of a crowd are not the sums of what pairs add, and not by the number of "

@@ -6,7 +6,16 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, RHO0, Array, Case, case, lattice
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import (
+    Ends,
+    Measured,
+    Result,
+    failed,
+    inconclusive,
+    need,
+    passed,
+    skipped,
+)
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
 
@@ -29,9 +38,16 @@ class Way(NamedTuple):
     viscosity: float
 
 
+def way_of(lab: Lab) -> Way:
+    """Return how the solver's viscosity is seen; end the check if it shows none."""
+    way = _found_way(lab)
+    if way is None:
+        raise Ends(skipped("the same with case.viscosity and without: shows none"))
+    return way
+
+
 @once
-def way_of(lab: Lab) -> Way | None:
-    """Return how the solver's viscosity is seen, None if it shows none."""
+def _found_way(lab: Lab) -> Way | None:
     probe = random_motion(lab)
     usual = ASKED * SLOW * C0 / DX**2
     for viscosity, seen in ((ASKED, SEEN_KINEMATIC), (ASKED * RHO0, SEEN_DYNAMIC)):
@@ -124,22 +140,18 @@ RIGHT, TWICE, WRONG = (0.65, 1.35), (1.7, 2.4), 3.0
 OF_3D = (0.73, 2.0)
 # Damping that the case doesn't ask for, and that is no fluid's any more [c0 h].
 JELLY = 0.3
-_NONE = "the same with case.viscosity and without: shows none"
 
 
 @check("viscosity", step=7, needs=("order",))
-def viscosity_damps(lab: Lab) -> Finding:
+def viscosity_damps(lab: Lab) -> Result:
     """Give a lattice a shear and random velocities: does viscosity brake or drive them?"""
     way = way_of(lab)
-    if way is None:
-        return skipped(_NONE)
     powers = []
     for start in (shear(), random_motion(lab)):
         drag = response(lab, start, way)
         most = np.sum(np.linalg.norm(drag, axis=1) * np.linalg.norm(start.v, axis=1))
         powers.append(float(np.sum(drag * start.v) / most))
-    if not np.isfinite(powers).all():
-        return inconclusive("a lattice in motion: accelerations are not finite")
+    need(np.isfinite(powers).all(), "a lattice in motion: accelerations are not finite")
     numbers = Measured(max(powers), -1.0, unit="of the largest power", tolerance="below 0.05")
     if min(powers) > 0.05:
         return failed(
@@ -149,24 +161,19 @@ def viscosity_damps(lab: Lab) -> Finding:
             numbers,
         )
     if max(powers) > 0.05:
-        return inconclusive(
-            "viscosity brakes one motion and drives another", Measured(*numbers[:2])
-        )
+        return inconclusive("viscosity brakes one motion and drives another", numbers.bare)
     return passed("a lattice in a shear and with random velocities is braked", numbers)
 
 
 @check("viscosity", step=7, needs=("viscosity_damps",))
-def viscosity_relative(lab: Lab) -> Finding:
+def viscosity_relative(lab: Lab) -> Result:
     """Add one velocity to all particles: viscosity must not notice."""
     way = way_of(lab)
-    if way is None:
-        return skipped(_NONE)
     start = random_motion(lab)
     wind = replace(start, v=start.v + SLOW * C0 * np.array([1.0, -0.7]))
     drag, in_wind = response(lab, start, way), response(lab, wind, way)
     differs = float(np.abs(in_wind - drag).max()) / max(float(np.abs(in_wind).max()), 1e-300)
-    if not np.isfinite(differs):
-        return inconclusive("a lattice in motion: accelerations are not finite")
+    need(np.isfinite(differs), "a lattice in motion: accelerations are not finite")
     numbers = Measured(differs, 0.0, tolerance="0.05 of the largest")
     if differs > 0.05:
         return failed(
@@ -181,15 +188,12 @@ def viscosity_relative(lab: Lab) -> Finding:
 
 
 @check("viscosity", step=7, needs=("viscosity_damps",))
-def viscosity_momentum(lab: Lab) -> Finding:
+def viscosity_momentum(lab: Lab) -> Result:
     """Move one particle in a lattice: what viscosity takes from it, its neighbours must get."""
     way = way_of(lab)
-    if way is None:
-        return skipped(_NONE)
     drag = response(lab, case(*middle_first(SLOW * C0), h=2 * DX), way)
     left = np.hypot(*drag.sum(axis=0)) / max(float(np.hypot(*drag[0])), 1e-300)
-    if not np.isfinite(left):
-        return inconclusive("one particle moves in a lattice: accelerations are not finite")
+    need(np.isfinite(left), "one particle moves in a lattice: accelerations are not finite")
     numbers = Measured(left, 0.0, tolerance="0.05 of what the one feels")
     if left > 0.05:
         return failed(
@@ -203,20 +207,18 @@ def viscosity_momentum(lab: Lab) -> Finding:
 
 
 @check("viscosity", step=7, needs=("viscosity_relative", "viscosity_momentum"))
-def viscosity_strength(lab: Lab) -> Finding:
+def viscosity_strength(lab: Lab) -> Result:
     """Measure the viscosity of a shear, at two speeds of sound, sizes and viscosities."""
     way = way_of(lab)
-    if way is None:
-        return skipped(_NONE)
     arrives = abs(kick(lab) - 1) < 0.02
-    if not (way.by_a or arrives):
-        return inconclusive("velocities don't follow accelerations: integration")
+    need(way.by_a or arrives, "velocities don't follow accelerations: integration")
     if "rho" in lab.shown:
         rho = float(lab.density(shear())[40])
-        if not 0.75 < rho / RHO0 < 1.3:
-            return inconclusive(
-                "the density is wrong, by which viscosity is divided", Measured(rho, RHO0)
-            )
+        need(
+            0.75 < rho / RHO0 < 1.3,
+            "the density is wrong, by which viscosity is divided",
+            Measured(rho, RHO0),
+        )
     if way.by_a and arrives:
         again = effective(lab, Way(False, way.viscosity)) / effective(lab, way)
         if TWICE[0] < again < TWICE[1]:
@@ -224,7 +226,7 @@ def viscosity_strength(lab: Lab) -> Finding:
     return _by_form(lab, way)
 
 
-def _by_form(lab: Lab, way: Way) -> Finding:
+def _by_form(lab: Lab, way: Way) -> Result:
     """Judge the strength by what it depends on."""
     nu = effective(lab, way)
     others = [
@@ -233,13 +235,11 @@ def _by_form(lab: Lab, way: Way) -> Finding:
         effective(lab, way, scale=2.0),
     ]
     numbers = Measured(nu, way.viscosity, unit="m^2/s")
-    if not (nu > 0 and np.isfinite(others).all() and min(others) > 0):
-        return inconclusive("a shear feels no viscosity", numbers)
+    felt = nu > 0 and np.isfinite(others).all() and min(others) > 0
+    need(felt, "a shear feels no viscosity", numbers)
     of_viscosity, of_c0, of_size = np.log2(np.array(others) / nu)
     if abs(of_viscosity - 1) > 0.1:
-        return inconclusive(
-            "viscosity is not proportional to case.viscosity", Measured(*numbers[:2])
-        )
+        return inconclusive("viscosity is not proportional to case.viscosity", numbers.bare)
     for power, kind in ((of_size, 0), (of_size - 1, 1)):
         # two powers of h more than the viscosity of this kind has
         if abs(of_c0 - kind) < 0.2 and abs(power - 2) < 0.3:
@@ -254,7 +254,7 @@ def _by_form(lab: Lab, way: Way) -> Finding:
     return inconclusive(text, numbers)
 
 
-def _by_weight(way: Way, nu: float, kind: int) -> Finding:
+def _by_weight(way: Way, nu: float, kind: int) -> Result:
     asked = way.viscosity * (C0 * 3 * DX) ** kind
     return failed(
         f"viscosity is {nu / asked:.2g} of what was asked for, four times as much with twice h",
@@ -264,13 +264,12 @@ def _by_weight(way: Way, nu: float, kind: int) -> Finding:
     )
 
 
-def _artificial(alpha: float) -> Finding:
-    text = "viscosity is proportional to c0 h: case.viscosity is taken for alpha"
-    if not alpha < 1:
-        return inconclusive(f"{text}; nu = {alpha:.2g} alpha c0 h", Measured(alpha, "1/32 to 1/8"))
-    return passed(
-        f"{text}; nu = {alpha:.2g} alpha c0 h", Measured(alpha, "1/32 to 1/8", unit="alpha c0 h")
-    )
+def _artificial(alpha: float) -> Result:
+    text = "viscosity is proportional to c0 h: case.viscosity is taken for alpha; "
+    text += f"nu = {alpha:.2g} alpha c0 h"
+    numbers = Measured(alpha, "1/32 to 1/8", unit="alpha c0 h")
+    need(alpha < 1, text, numbers.bare)
+    return passed(text, numbers)
 
 
 def _shares(way: Way, nu: float, asked: float) -> tuple[float, str]:
@@ -281,7 +280,7 @@ def _shares(way: Way, nu: float, asked: float) -> tuple[float, str]:
     return dynamic, "dynamic"
 
 
-def _clean(lab: Lab, way: Way, nu: float) -> Finding:
+def _clean(lab: Lab, way: Way, nu: float) -> Result:
     """Judge a viscosity that depends on nothing but case.viscosity."""
     share, kind = _shares(way, nu, way.viscosity)
     if RIGHT[0] < share < RIGHT[1]:
@@ -290,8 +289,7 @@ def _clean(lab: Lab, way: Way, nu: float) -> Finding:
             Measured(share, 1.0, tolerance="0.35"),
         )
     numbers = Measured(share, 1.0)
-    if not _linear(lab, way):
-        return inconclusive(f"only some pairs feel viscosity: {kind}", numbers)
+    need(_linear(lab, way), f"only some pairs feel viscosity: {kind}", numbers)
     if TWICE[0] < share < TWICE[1]:
         return _too_thick(share, "the fluid is {:.2g} times as viscous as was asked for")
     undivided = any(RIGHT[0] < share / factor < RIGHT[1] for factor in (RHO0, 1 / RHO0))
@@ -315,7 +313,7 @@ def _linear(lab: Lab, way: Way) -> bool:
     return bool(np.abs(drag + turned).max() < 0.02 * np.abs(drag).max())
 
 
-def _too_thick(share: float, what: str) -> Finding:
+def _too_thick(share: float, what: str) -> Result:
     return failed(
         f"a shear of 81 particles: {what.format(share)}",
         "Viscosity is applied twice, and the fluid will be like jelly: once as a force and once "
@@ -324,7 +322,7 @@ def _too_thick(share: float, what: str) -> Finding:
     )
 
 
-def _inverse(way: Way, nu: float) -> Finding:
+def _inverse(way: Way, nu: float) -> Result:
     """Judge a viscosity that goes with 1 / h, as constants of three dimensions make it."""
     h = 3 * DX
     share, kind = _shares(way, nu * h, way.viscosity)
@@ -340,7 +338,7 @@ def _inverse(way: Way, nu: float) -> Finding:
 
 
 @check("viscosity", step=7, needs=("order",))
-def no_jelly(lab: Lab) -> Finding:
+def no_jelly(lab: Lab) -> Result:
     """Measure what brakes a shear although no viscosity was asked for."""
     h = 3 * DX
     share = built_in(lab) / (C0 * h)
@@ -349,10 +347,11 @@ def no_jelly(lab: Lab) -> Finding:
     if not share > JELLY:
         return passed(text, numbers)
     left = _left_of_a_wave(lab)
-    if not left < 0.6:
-        return inconclusive(
-            f"{text}, but a wave keeps {100 * left:.2g} %", Measured(share, 0.0, unit="c0 h")
-        )
+    need(
+        left < 0.6,
+        f"{text}, but a wave keeps {100 * left:.2g} %",
+        numbers._replace(tolerance=""),
+    )
     return failed(
         f"{text}; of a wave 8 dx long, {100 * left:.2g} % is left after 5 steps of 0.1 h / c0",
         "Too much damping, the fluid is like jelly: look for artificial viscosity with a large "

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sph_gym.doctor import throws
 from sph_gym.doctor.case import DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.whole import QUARTER, STEPS, RunEnd, follow
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
 from sph_gym.doctor.throws import OUTSIDE, SIDES, Throw
@@ -29,7 +29,7 @@ _BUILD = (
 
 
 @check("walls", needs=("flight", "blob"))
-def thrown_alone(lab: Lab) -> Finding:
+def thrown_alone(lab: Lab) -> Result:
     """Throw lone particles at all sides and corners: do they stop, and how do they come back?"""
     runs = [throws.alone(lab, speed, _LONG) for speed in (_SLOW, _FAST)]
     if not all(run.finite for run in runs):
@@ -55,7 +55,7 @@ def thrown_alone(lab: Lab) -> Finding:
     return _tremble(runs) or _gap(lab, runs) or _judge_return(lab, runs)
 
 
-def _tremble(runs: list[Throw]) -> Finding | None:
+def _tremble(runs: list[Throw]) -> Result | None:
     """Return at which sides particles turn again and again, None if nowhere."""
     names = [name for run in runs for name in _names(run, run.trembling())]
     if not names:
@@ -69,7 +69,7 @@ def _tremble(runs: list[Throw]) -> Finding | None:
     )
 
 
-def _gap(lab: Lab, runs: list[Throw]) -> Finding | None:
+def _gap(lab: Lab, runs: list[Throw]) -> Result | None:
     """Return where lone particles fly on as if nothing was there, if other sides turn them."""
     sharp = np.array([[run.sharp(k) for k in range(4)] for run in runs])
     lab.facts["sharp walls"] = sharp
@@ -85,10 +85,9 @@ def _gap(lab: Lab, runs: list[Throw]) -> Finding | None:
     )
 
 
-def _not_finite(runs: list[Throw]) -> Finding:
+def _not_finite(runs: list[Throw]) -> Result:
     late = all(np.isfinite(run.x[:4]).all() for run in runs)
-    if not late:
-        return inconclusive("lone particles in a box are not finite, which other checks judge")
+    need(late, "lone particles in a box are not finite, which other checks judge")
     return failed(
         "lone particles thrown at the sides of a box are finite until they get there",
         "Look for a division by the distance from the wall or from a boundary particle.",
@@ -104,7 +103,7 @@ def _listed(names: list[str]) -> str:
     return ", ".join(dict.fromkeys(names))
 
 
-def _judge_return(lab: Lab, runs: list[Throw]) -> Finding:
+def _judge_return(lab: Lab, runs: list[Throw]) -> Result:
     """Judge the speeds after the bounce, of sides that turn a particle in a step and of others."""
     sharp = lab.facts["sharp walls"]
     back = [-run.towards[-1] for run in runs]
@@ -134,7 +133,7 @@ def _judge_return(lab: Lab, runs: list[Throw]) -> Finding:
 
 
 @check("walls", needs=("thrown_alone",))
-def thrown_blocks(lab: Lab) -> Finding:
+def thrown_blocks(lab: Lab) -> Result:
     """Throw blocks of particles at each side: none may end beyond it, nor with more energy."""
     runs = []
     for speed in (_SLOW, _FAST):
@@ -158,9 +157,11 @@ def thrown_blocks(lab: Lab) -> Finding:
     )
 
 
-def _blocks_not_finite(lab: Lab) -> Finding:
-    if not throws.blocks(lab, _FAST, _LONG, box=False).finite:
-        return inconclusive("blocks are not finite in open space either, which other checks judge")
+def _blocks_not_finite(lab: Lab) -> Result:
+    need(
+        throws.blocks(lab, _FAST, _LONG, box=False).finite,
+        "blocks are not finite in open space either, which other checks judge",
+    )
     return failed(
         "blocks of 5 x 5 fly well in open space, but not finite any more at the sides of a box",
         "Look for a division by the distance from the wall, and for two particles that the wall "
@@ -169,7 +170,7 @@ def _blocks_not_finite(lab: Lab) -> Finding:
     )
 
 
-def _leak(lab: Lab, run: Throw, speed: float) -> Finding:
+def _leak(lab: Lab, run: Throw, speed: float) -> Result:
     """Judge particles that ended outside; walls of forces may need gravity to be there."""
     shares = [run.lost_share(k) for k in range(4)]
     worst = int(np.argmax(shares))
@@ -185,12 +186,12 @@ def _leak(lab: Lab, run: Throw, speed: float) -> Finding:
             "with gravity they don't: the walls may take their strength from it",
             numbers,
         )
-    if not _decided(lab, run, worst, speed):
-        return inconclusive(
-            f"some particles of blocks thrown with {speed} c0 leave the box ({told}): walls of "
-            "forces or particles hold up to some speed, and let edges of a block through",
-            numbers,
-        )
+    need(
+        _decided(lab, run, worst, speed),
+        f"some particles of blocks thrown with {speed} c0 leave the box ({told}): walls of "
+        "forces or particles hold up to some speed, and let edges of a block through",
+        numbers,
+    )
     return failed(
         f"blocks of 5 x 5 thrown at the sides with {speed} c0: of those that get to a "
         f"side, so many end more than {OUTSIDE:g} dx outside: {told}" + _pattern(shares, speed),
@@ -224,7 +225,7 @@ def _pattern(shares: list[float], speed: float) -> str:
     return f": nothing stops them at {_listed(leaking)}"
 
 
-def _more_energy(lab: Lab, run: Throw) -> Finding:
+def _more_energy(lab: Lab, run: Throw) -> Result:
     short = throws.blocks(lab, _FAST, _SHORT)
     free = throws.blocks(lab, _FAST, _LONG, box=False)
     numbers = (run.energy, "<= 1")
@@ -244,7 +245,7 @@ def _more_energy(lab: Lab, run: Throw) -> Finding:
 
 
 @check("walls", needs=("thrown_alone", "thrown_blocks"))
-def tunnelling(lab: Lab) -> Finding:
+def tunnelling(lab: Lab) -> Result:
     """Throw lone particles with the speed of sound at sides that stopped slower ones at once."""
     sharp = lab.facts.get("sharp walls")
     if sharp is None or not sharp.all():
@@ -253,8 +254,7 @@ def tunnelling(lab: Lab) -> Finding:
             "fault of them"
         )
     runs = [throws.alone(lab, _MAD, dt) for dt in (_LONG, _SHORT)]
-    if not all(run.finite for run in runs):
-        return inconclusive("lone particles are not finite, which other checks judge")
+    need(all(run.finite for run in runs), "lone particles are not finite, which other checks judge")
     lost = [name for run in runs for name in _names(run, run.lost)]
     told = f"lone particles thrown with {_MAD:g} c0 at walls that turned slower ones in a step"
     if lost:
@@ -268,7 +268,7 @@ def tunnelling(lab: Lab) -> Finding:
 
 
 @check("walls", needs=("thrown_blocks", "free_fall"))
-def standing(lab: Lab) -> Finding:
+def standing(lab: Lab) -> Result:
     """Let a filled box stand under gravity: no particle may leave it, and nothing may explode."""
     columns, rows, g = 8, 6, 8.0
     x = lattice(columns, rows)
@@ -279,8 +279,7 @@ def standing(lab: Lab) -> Finding:
     subject, farthest = lab.make(start), -np.inf
     for _ in range(10):
         subject.step(_LONG * start.h / start.c0, 10)
-        if not np.isfinite(subject.x).all():
-            return inconclusive("not finite, which the checks of the whole judge")
+        need(np.isfinite(subject.x).all(), "not finite, which the checks of the whole judge")
         # beyond left, right or floor
         beyond = max(np.abs(subject.x[:, 0]).max() - side, -subject.x[:, 1].min())
         farthest = max(farthest, float(beyond) / DX)
@@ -299,7 +298,7 @@ _STIFF = 0.01
 
 
 @check("walls", needs=("free_fall",), last=True)
-def dam_break(lab: Lab) -> Finding:
+def dam_break(lab: Lab) -> Result:
     """Let a column of 10 x 10 particles fall apart in a box: a tenth of what a dam break is."""
     x = lattice(10, 10)
     # a spacing from the sides: walls whose first particles are on the side need as much
@@ -338,7 +337,7 @@ def _outside(x: Array, start: Case) -> float:
     return float(max((low - x).max(), (x - high).max()))
 
 
-def _dam_not_finite(lab: Lab, start: Case, told: str) -> Finding:
+def _dam_not_finite(lab: Lab, start: Case, told: str) -> Result:
     numbers = Measured("not finite", "finite")
     if follow(lab, start, start.dt / 2, 2 * STEPS).finite:
         return failed(
@@ -356,7 +355,7 @@ def _dam_not_finite(lab: Lab, start: Case, told: str) -> Finding:
     )
 
 
-def _too_lively(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
+def _too_lively(lab: Lab, start: Case, told: str, run: RunEnd) -> Result:
     unit = 9.81 * 10 * DX
     short = follow(lab, start, start.dt / 2, 2 * STEPS)
     free = follow(lab, replace(start, box=None, gravity=np.zeros(2)), 2 * start.dt, STEPS)
@@ -379,7 +378,7 @@ def _too_lively(lab: Lab, start: Case, told: str, run: RunEnd) -> Finding:
     return inconclusive(f"{told}: it gains more energy than it had", numbers)
 
 
-def _stays(told: str, front: float, energy: float) -> Finding:
+def _stays(told: str, front: float, energy: float) -> Result:
     numbers = Measured(front, "> 2", unit="dx")
     if energy < _STIFF:
         return failed(

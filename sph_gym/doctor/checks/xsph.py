@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from sph_gym.doctor.case import C0, DX, Array, Case, case, lattice
 from sph_gym.doctor.checks.viscosity import middle_first
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import (
+    Ends,
+    Measured,
+    Result,
+    failed,
+    inconclusive,
+    need,
+    passed,
+    skipped,
+)
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
 
@@ -19,6 +28,8 @@ SPEED, SOFT = 0.2, 0.1 * C0
 # Steps, short enough that velocities hardly change, long enough that 32 bits see displacements:
 # their length [h / C0], the number that is left out first, and the number that counts.
 STEP, BEFORE, COUNTED = 0.01, 2, 4
+# A share of epsilon below which there is no XSPH.
+NONE = 2e-3
 # Velocities that pressure changes by more than this share meanwhile tell nothing of XSPH.
 CALM = 0.2
 
@@ -96,34 +107,36 @@ def carried(lab: Lab) -> float:
     return float(drift(lab, start, 0.0).moved.mean(axis=0) @ u / (u @ u))
 
 
-def disturbed(lab: Lab) -> str:
-    """Return why displacements tell nothing of XSPH, "" if they do."""
-    if not abs(carried(lab) - 1) < 0.02:
-        return f"particles move by {carried(lab):.3g} of their velocities: integration"
+def need_calm(lab: Lab) -> None:
+    """End the check where displacements tell nothing of XSPH."""
+    share = carried(lab)
+    need(abs(share - 1) < 0.02, f"particles move by {share:.3g} of their velocities: integration")
     start = random_motion(lab)
     before, after = drift(lab, start, 0.0).v
-    if not np.abs(after - before)[_inside(start)].max() < CALM * np.abs(start.v).max():
-        return "a lattice at rest spacing doesn't keep calm: density, pressure or force"
-    return ""
+    calm = np.abs(after - before)[_inside(start)].max() < CALM * np.abs(start.v).max()
+    need(calm, "a lattice at rest spacing doesn't keep calm: density, pressure or force")
+
+
+def need_xsph(lab: Lab) -> None:
+    """End the check where XSPH can't be judged."""
+    need_calm(lab)
+    if abs(smooths(lab)) < NONE * EPSILON:
+        raise Ends(skipped("particles move the same with case.xsph and without: shows none"))
 
 
 # Shares of epsilon by which random velocities are smoothed: normal for all kernels; impossible.
 NORMAL, IMPOSSIBLE = (0.3, 1.15), 2.0
-# A share of epsilon below which there is no XSPH.
-NONE = 2e-3
 _FORMULA = "The formula: x += dt (v_i + eps sum_j m_j / rho_j (v_j - v_i) W)"
 
 
 @check("xsph", step=7, needs=("order",))
-def xsph_off(lab: Lab) -> Finding:
+def xsph_off(lab: Lab) -> Result:
     """Give a lattice random velocities, epsilon = 0: does every particle move by its own?"""
-    if why := disturbed(lab):
-        return inconclusive(why)
+    need_calm(lab)
     start = random_motion(lab)
     unasked = drift(lab, start, 0.0)
     lost = share(unasked.moved - unasked.mean, start)
-    if not np.isfinite(lost):
-        return inconclusive("a lattice in motion: positions are not finite")
+    need(np.isfinite(lost), "a lattice in motion: positions are not finite")
     numbers = Measured(lost, 0.0, tolerance="0.05 of the velocities")
     if lost > 0.05:
         return failed(
@@ -135,20 +148,10 @@ def xsph_off(lab: Lab) -> Finding:
     return passed("with epsilon = 0, particles move by their velocities", numbers)
 
 
-def _useless(lab: Lab) -> Finding | None:
-    """Return why XSPH can't be judged, None if it can."""
-    if why := disturbed(lab):
-        return inconclusive(why)
-    if abs(smooths(lab)) < NONE * EPSILON:
-        return skipped("particles move the same with case.xsph and without: shows none")
-    return None
-
-
 @check("xsph", step=7, needs=("xsph_off",))
-def xsph_smooths(lab: Lab) -> Finding:
+def xsph_smooths(lab: Lab) -> Result:
     """Give a lattice random velocities: does XSPH bring displacements nearer to each other?"""
-    if useless := _useless(lab):
-        return useless
+    need_xsph(lab)
     taken = smooths(lab) / EPSILON
     text = f"a lattice of 81 with random velocities: XSPH takes {taken:.3g} epsilon of them away"
     numbers = Measured(taken, 0.75, unit="epsilon", tolerance=f"{NORMAL[0]} to {NORMAL[1]}")
@@ -160,12 +163,11 @@ def xsph_smooths(lab: Lab) -> Finding:
         )
     if taken > IMPOSSIBLE:
         return _too_much(lab, taken, text)
-    if not NORMAL[0] < taken < NORMAL[1]:
-        return inconclusive(text, numbers)
+    need(NORMAL[0] < taken < NORMAL[1], text, numbers)
     return passed(text, numbers)
 
 
-def _too_much(lab: Lab, taken: float, text: str) -> Finding:
+def _too_much(lab: Lab, taken: float, text: str) -> Result:
     start = random_motion(lab)
     halved = share(added(lab, start, step=STEP / 2), start) / EPSILON
     cause = "Divide by the density: m_j / rho_j is the volume of a particle, about dx^2. "
@@ -179,10 +181,9 @@ def _too_much(lab: Lab, taken: float, text: str) -> Finding:
 
 
 @check("xsph", step=7, needs=("xsph_smooths",))
-def xsph_epsilon(lab: Lab) -> Finding:
+def xsph_epsilon(lab: Lab) -> Result:
     """Halve epsilon: does XSPH do half as much?"""
-    if useless := _useless(lab):
-        return useless
+    need_xsph(lab)
     full = smooths(lab)
     start = random_motion(lab)
     ratio = share(added(lab, start, EPSILON / 2), start) / full
@@ -193,21 +194,18 @@ def xsph_epsilon(lab: Lab) -> Finding:
             "Take epsilon from case.xsph, not a constant.",
             numbers,
         )
-    if not abs(ratio - 0.5) < 0.1:
-        return inconclusive("XSPH is not proportional to epsilon", numbers)
+    need(abs(ratio - 0.5) < 0.1, "XSPH is not proportional to epsilon", numbers)
     return passed("half of epsilon does half as much", numbers)
 
 
 @check("xsph", step=7, needs=("xsph_smooths",))
-def xsph_relative(lab: Lab) -> Finding:
+def xsph_relative(lab: Lab) -> Result:
     """Give all particles the same velocity: XSPH has nothing to smooth."""
-    if useless := _useless(lab):
-        return useless
+    need_xsph(lab)
     start = uniform_motion()
     more = float(np.abs(added_by_motion(lab, start)).max())
     left = more / (EPSILON * float(np.hypot(*start.v[0])))
-    if not np.isfinite(left):
-        return inconclusive("a lattice in motion: positions are not finite")
+    need(np.isfinite(left), "a lattice in motion: positions are not finite")
     numbers = Measured(left, 0.0, tolerance="0.05 of epsilon times the velocity")
     if left > 0.05:
         return failed(
@@ -220,10 +218,9 @@ def xsph_relative(lab: Lab) -> Finding:
 
 
 @check("xsph", step=7, needs=("xsph_smooths", "xsph_relative"))
-def xsph_momentum(lab: Lab) -> Finding:
+def xsph_momentum(lab: Lab) -> Result:
     """Move one particle in a lattice: what XSPH takes from it, its neighbours must get."""
-    if useless := _useless(lab):
-        return useless
+    need_xsph(lab)
     more = added_by_motion(lab, case(*middle_first(SPEED), h=2 * DX, c0=SOFT))
     left = float(np.hypot(*more.sum(axis=0))) / max(float(np.hypot(*more[0])), 1e-300)
     numbers = Measured(left, 0.0, tolerance="0.3 of what the one loses")
@@ -235,21 +232,18 @@ def xsph_momentum(lab: Lab) -> Finding:
             "(rho_i + rho_j) / 2.",
             numbers,
         )
-    if not left < 0.1:
-        return inconclusive("XSPH does not quite keep the momentum", numbers)
+    need(left < 0.1, "XSPH does not quite keep the momentum", numbers)
     return passed("XSPH keeps the momentum", numbers)
 
 
 @check("xsph", step=7, needs=("xsph_smooths",))
-def xsph_moves_only(lab: Lab) -> Finding:
+def xsph_moves_only(lab: Lab) -> Result:
     """Compare velocities with XSPH and without: it must not change them."""
-    if useless := _useless(lab):
-        return useless
+    need_xsph(lab)
     start = random_motion(lab)
     with_it, without = drift(lab, start, EPSILON).v, drift(lab, start, 0.0).v
     early, late = (share(one - other, start) for one, other in zip(with_it, without, strict=True))
-    if not np.isfinite(late):
-        return inconclusive("a lattice in motion: velocities are not finite")
+    need(np.isfinite(late), "a lattice in motion: velocities are not finite")
     numbers = Measured(late, 0.0, tolerance="0.1 of the velocities")
     if abs(late) > 0.1 and abs(late) > 1.2 * abs(early):
         return failed(

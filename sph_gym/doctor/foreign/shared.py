@@ -64,11 +64,11 @@ def configure(*settings: tuple[Any, Mapping[str, Any]]) -> None:
 BEYOND = 30
 
 
-def boundary(case: Case) -> Array:
+def boundary(case: Case, layers: int | None = None) -> Array:
     """Return (m, 2) positions [m] of particles in layers outside the sides of case.box.
 
-    The first layer is half a spacing behind its side, and the layers together are as thick as the
-    support. Empty for open space.
+    The first layer is half a spacing behind its side; layers: by default, as many as make them as
+    thick as the support. Empty for open space.
     """
     if case.box is None:
         return np.empty((0, 2))
@@ -76,10 +76,10 @@ def boundary(case: Case) -> Array:
     start = np.where(np.isfinite(low), low, case.x.min(axis=0) - BEYOND * case.dx)
     end = np.where(np.isfinite(high), high, case.x.max(axis=0) + BEYOND * case.dx)
     n = np.maximum(np.rint((end - start) / case.dx), 1)
-    layers = np.ceil(case.h / case.dx)
-    columns, rows = (
-        start[k] + (np.arange(-layers, n[k] + layers) + 0.5) * (end - start)[k] / n[k]
-        for k in (0, 1)
-    )
+    # between two sides, the lattice is stretched to fit
+    step = np.where(np.isfinite(high - low), (end - start) / n, case.dx)
+    first = np.where(np.isfinite(high), end - n * step, start)
+    deep = layers or np.ceil(case.h / case.dx)
+    columns, rows = (first[k] + (np.arange(-deep, n[k] + deep) + 0.5) * step[k] for k in (0, 1))
     grid = np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1).reshape(-1, 2)
     return grid[np.any((grid < low) | (grid > high), axis=1)]

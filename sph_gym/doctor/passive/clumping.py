@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.survey import RecordingSurvey, nearest
 from sph_gym.doctor.reading.frames import Array
 
@@ -15,11 +15,11 @@ USUAL, ODD, CURDLED = 0.05, 0.2, 0.4
 UNIT = "share of the particles"
 
 
-def suction(survey: RecordingSurvey) -> Finding:
+def suction(survey: RecordingSurvey) -> Result:
     """Look for negative pressures together with particles that gather in clumps."""
     if survey.first.p is None or not survey.samples:
         return skipped("the recording has no pressures")
-    negative = max(float((f.p < 0).mean()) for f in survey.samples if f.p is not None)
+    negative = max(float((p < 0).mean()) for p in survey.pressures)
     shares = [_share_nearer(f.x, CLUMPED * survey.spacing) for f in survey.samples]
     before, worst = shares[0], max(shares)
     numbers = Measured(worst, before, unit=UNIT, tolerance=f"{CURDLED:g}")
@@ -39,7 +39,7 @@ def suction(survey: RecordingSurvey) -> Finding:
     return failed(f"{text}: suction curdles the fluid", "Clamp pressures: p = max(0, p).", numbers)
 
 
-def clumping(survey: RecordingSurvey) -> Finding:
+def clumping(survey: RecordingSurvey) -> Result:
     """Measure distances to the nearest neighbour: particles in pairs, or at one place."""
     if not survey.samples or len(survey.samples[0].x) < 8:
         return skipped("too few particles")
@@ -54,14 +54,13 @@ def clumping(survey: RecordingSurvey) -> Finding:
     return passed(text, Measured(shares[-1], shares[0], unit=UNIT, tolerance=f"{CURDLED:g}"))
 
 
-def _paired(survey: RecordingSurvey, shares: list[float]) -> Finding:
+def _paired(survey: RecordingSurvey, shares: list[float]) -> Result:
     text = (
         f"{100 * shares[-1]:.0f} % of the particles end closer than {PAIRED:g} spacings to another "
         f"({100 * shares[0]:.0f} % at the start)"
     )
-    pressures = [f.p for f in survey.samples if f.p is not None]
     numbers = Measured(shares[-1], shares[0], unit=UNIT, tolerance=f"{CURDLED:g}")
-    if pressures and not any((p < 0).any() for p in pressures):
+    if survey.pressures and not any((p < 0).any() for p in survey.pressures):
         return failed(
             f"{text}, though no pressure is negative: they form pairs",
             "Take the gradient of the spiky kernel for pressure: poly6's vanishes for near "
@@ -77,7 +76,7 @@ def _paired(survey: RecordingSurvey, shares: list[float]) -> Finding:
     )
 
 
-def _coincident(survey: RecordingSurvey, worst: int) -> Finding:
+def _coincident(survey: RecordingSurvey, worst: int) -> Result:
     frame, room = survey.samples[worst], SAME * survey.spacing
     x = frame.x
     same = nearest(x) < room
@@ -94,10 +93,9 @@ def _coincident(survey: RecordingSurvey, worst: int) -> Finding:
     return _on_top(survey, text, int(same.sum()))
 
 
-def _on_top(survey: RecordingSurvey, text: str, n: int) -> Finding:
-    pressures = [f.p for f in survey.samples if f.p is not None]
+def _on_top(survey: RecordingSurvey, text: str, n: int) -> Result:
     numbers = Measured(n, 0, unit="particles")
-    if pressures and not any(p.any() for p in pressures):
+    if survey.pressures and not any(p.any() for p in survey.pressures):
         return failed(
             f"{text}, and all pressures of all frames are zero: nothing keeps particles apart",
             "Densities that never come above that of rest give no pressure: look at the mass of a "

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.pressure import FITS, law
 from sph_gym.doctor.passive.survey import RecordingSurvey, distances, nearest
 from sph_gym.doctor.reading import Frame
@@ -25,7 +25,7 @@ OFF, FEW = 0.5, 0.05
 REST, PRESSED = (0.7, 1.4), 1.6
 
 
-def interior_density(survey: RecordingSurvey) -> Finding:
+def interior_density(survey: RecordingSurvey) -> Result:
     """Compare densities of particles inside the fluid with those of the start and of rest."""
     if survey.first.rho is None:
         return skipped("the recording has no densities")
@@ -39,7 +39,7 @@ def interior_density(survey: RecordingSurvey) -> Finding:
     return _against_crowding(survey, frames)
 
 
-def _against_crowding(survey: RecordingSurvey, frames: list[Frame]) -> Finding:
+def _against_crowding(survey: RecordingSurvey, frames: list[Frame]) -> Result:
     rows = np.arange(0, len(frames[0].x), max(1, len(frames[0].x) // ENOUGH))
     rows = rows[rows < min(len(frame.x) for frame in frames)]
     crowding = [_crowding(survey, frame, rows) for frame in frames]
@@ -92,7 +92,7 @@ def _rest(survey: RecordingSurvey) -> tuple[float, tuple[float, float]]:
         usual = abs(float(np.median(nearest(survey.first.x))) / scene.dx - 1) < 0.1
         return scene.fluid.rho0, REST if usual else (0.0, math.inf)
     found = law(survey)
-    vanish = any((frame.p <= 0).any() for frame in survey.samples if frame.p is not None)
+    vanish = any((p <= 0).any() for p in survey.pressures)
     if not vanish:
         return math.nan, (0.0, math.inf)  # a background pressure hides the density at rest
     # a fluid may begin in loose order, but hardly pressed to a multiple of its density
@@ -143,7 +143,7 @@ def _share_off(first: Frame, frame: Frame, inside: NDArray[np.bool_]) -> float:
     return float((np.abs(frame.rho[inside] / first.rho[inside] - 1) > OFF).mean())
 
 
-def _not_positive(survey: RecordingSurvey, frame: Frame) -> Finding:
+def _not_positive(survey: RecordingSurvey, frame: Frame) -> Result:
     assert frame.rho is not None
     i = int(np.argmin(frame.rho))
     return failed(
@@ -155,7 +155,7 @@ def _not_positive(survey: RecordingSurvey, frame: Frame) -> Finding:
     )
 
 
-def _not_at_rest(measured: float, rest: float) -> Finding:
+def _not_at_rest(measured: float, rest: float) -> Result:
     return failed(
         f"inside the fluid, the median density of frame 0 is {measured:.4g} kg/m^3; the fluid "
         f"is at rest at {rest:.4g}",
@@ -170,7 +170,7 @@ def _not_at_rest(measured: float, rest: float) -> Finding:
     )
 
 
-def _disagrees(share: float) -> Finding:
+def _disagrees(share: float) -> Result:
     return failed(
         f"{100 * share:.0f} % of the particles inside the fluid have a density that is more than "
         "half off what they started with, while as many others as then are near them: the same sum "

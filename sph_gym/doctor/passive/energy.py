@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.case import tait_energy
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading.frames import Array
+from sph_gym.solver.gravity import Gravity
 from sph_gym.solver.scene import Scene
 
 # Momentum may change by this share of what the particles have without their directions.
@@ -19,12 +21,12 @@ SURPLUS = 0.3
 BURST = 1.0
 
 
-def momentum(survey: RecordingSurvey) -> Finding:
+def momentum(survey: RecordingSurvey) -> Result:
     """Compare the mean velocity of the fluid with that of a free fall."""
     looks, scene = survey.looks, survey.known.scene
     if survey.first.v is None or survey.change is not None or len(looks) < 3:
         return skipped("needs velocities, the same particles in all frames, and three frames")
-    times = np.array([look.time for look in looks])
+    times = survey.times
     mean = np.array([look.velocity for look in looks])
     size = math.sqrt(2 * max(look.kinetic for look in looks))
     change = mean - mean[0]
@@ -45,13 +47,11 @@ def momentum(survey: RecordingSurvey) -> Finding:
     )
 
 
-def _free_fall(survey: RecordingSurvey, scene: Scene, change: Array, size: float) -> Finding:
+def _free_fall(survey: RecordingSurvey, scene: Scene, change: Array, size: float) -> Result:
     """Compare the change of the mean velocity (frames, d) with what the scene's gravity does."""
-    effects = scene.effects
-    if scene.walls is not None or (effects.field is not None and not _uniform(scene)):
+    if scene.walls is not None or not _uniform(scene):
         return inconclusive("walls and forces from outside change the momentum")
-    times = np.array([look.time for look in survey.looks])
-    fall = effects.gravity_at(0.0) * (times - times[0])[:, None]
+    fall = scene.effects.gravity_at(0.0) * (survey.times - survey.times[0])[:, None]
     off = float(np.abs(change - fall).max()) / max(size, 1e-300)
     numbers = Measured(off, 0.0, unit=UNIT, tolerance=f"{DRIFT:g}")
     if off < DRIFT:
@@ -65,7 +65,7 @@ def _free_fall(survey: RecordingSurvey, scene: Scene, change: Array, size: float
     )
 
 
-def energy(survey: RecordingSurvey) -> Finding:
+def energy(survey: RecordingSurvey) -> Result:
     """Look for kinetic energy that neither gravity nor compression can have given."""
     if survey.first.v is None or survey.n_frames < 2:
         return skipped("needs velocities and two frames")
@@ -92,7 +92,7 @@ _CAUSES = (
 )
 
 
-def _balance(survey: RecordingSurvey, scene: Scene, kinetic: Array) -> Finding:
+def _balance(survey: RecordingSurvey, scene: Scene, kinetic: Array) -> Result:
     g = scene.effects.gravity_at(0.0)
     potential = np.array([-float(g @ look.center) for look in survey.looks])
     stored = _stored(survey, scene)
@@ -101,19 +101,15 @@ def _balance(survey: RecordingSurvey, scene: Scene, kinetic: Array) -> Finding:
     worst = float(np.max(total)) / stake
     # a fluid at rest that trembles has no energy worth speaking of
     quiet = kinetic.max() < (0.01 * scene.fluid.c0) ** 2 / 2
+    numbers = Measured(worst, 0.0, "share of the energy at stake", f"{SURPLUS:g}")
     if worst < SURPLUS or quiet:
-        return passed(
-            "no spurious energy",
-            Measured(
-                max(worst, 0.0), 0.0, unit="share of the energy at stake", tolerance=f"{SURPLUS:g}"
-            ),
-        )
+        return passed("no spurious energy", numbers._replace(measured=max(worst, 0.0)))
     k = int(np.argmax(total))
     return failed(
         f"in {survey.when(k)}, kinetic and potential energy are more than at the start, with all "
         "that compression had stored, by a share that can't come from within",
         _CAUSES,
-        Measured(worst, 0.0, unit="share of the energy at stake", tolerance=f"{SURPLUS:g}"),
+        numbers,
     )
 
 
@@ -126,25 +122,19 @@ def _stored(survey: RecordingSurvey, scene: Scene) -> float:
     ratio = rho / fluid.rho0
     if fluid.clamp:
         ratio = np.maximum(ratio, 1.0)
-    if fluid.gamma == 1:
-        energy = np.log(ratio) + 1 / ratio - 1
-    else:
-        power = fluid.gamma - 1
-        energy = (ratio**power - 1) / power + 1 / ratio - 1
-    return float(np.mean(stiffness / fluid.rho0 * energy))
+    return float(np.mean(stiffness / fluid.rho0 * tait_energy(ratio, fluid.gamma)))
 
 
 def _uniform(scene: Scene) -> bool:
-    """Return whether gravity is the same at all times and places."""
-    times = np.linspace(0.0, scene.duration, 7)
-    values = np.array([scene.effects.gravity_at(t) for t in times])
-    return type(scene.effects.field).__name__ == "Gravity" and not np.ptp(values, axis=0).any()
+    """Return whether gravity, if there is any, is the same at all times and places."""
+    field = scene.effects.field
+    return field is None or (isinstance(field, Gravity) and field.ramp == 0)
 
 
 def _closed(scene: Scene) -> bool:
     """Return whether nothing from outside but a uniform gravity does work on the fluid."""
-    walls, effects = scene.walls, scene.effects
+    walls = scene.walls
     still = walls is None or (
         walls.motion is None and not np.any(walls.velocities) and not walls.is_periodic
     )
-    return still and effects.surface_tension is None and (effects.field is None or _uniform(scene))
+    return still and scene.effects.surface_tension is None and _uniform(scene)

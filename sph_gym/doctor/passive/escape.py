@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
 from sph_gym.doctor.reading.frames import Array
@@ -22,7 +22,7 @@ _LEAK = (
 )
 
 
-def escape(survey: RecordingSurvey) -> Finding:
+def escape(survey: RecordingSurvey) -> Result:
     """Look for particles beyond a known box, through walls of particles, or far from all others."""
     if not survey.samples or len(survey.first.x) < 8:
         return skipped("too few particles")
@@ -39,7 +39,7 @@ def escape(survey: RecordingSurvey) -> Finding:
     return _far(survey)
 
 
-def _beyond(survey: RecordingSurvey, box: tuple[float, float, float, float]) -> Finding | None:
+def _beyond(survey: RecordingSurvey, box: tuple[float, float, float, float]) -> Result | None:
     low, high = np.array(box[::2]), np.array(box[1::2])
     for k, frame in zip(survey.sampled, survey.samples, strict=True):
         depth = np.maximum(low - frame.x, frame.x - high).max(axis=1)
@@ -57,7 +57,7 @@ def _beyond(survey: RecordingSurvey, box: tuple[float, float, float, float]) -> 
     return None
 
 
-def _through(survey: RecordingSurvey, walls: Array) -> Finding | None:
+def _through(survey: RecordingSurvey, walls: Array) -> Result | None:
     """Find a path that leaves the rectangle around fluid and walls where a wall particle is."""
     everything = np.concatenate([survey.first.x, walls])
     low, high = everything.min(axis=0), everything.max(axis=0)
@@ -78,7 +78,7 @@ def _through(survey: RecordingSurvey, walls: Array) -> Finding | None:
 
 def _leak(
     survey: RecordingSurvey, a: Frame, b: Frame, ends: tuple[Array, Array], walls: Array
-) -> Finding | None:
+) -> Result | None:
     i, points, axes = _crossing(a, b, *ends)
     leaks = np.array(
         [
@@ -121,7 +121,7 @@ def _crossing(a: Frame, b: Frame, low: Array, high: Array) -> tuple[Any, Array, 
     return i, start + shares.min(axis=1, initial=1.0)[:, None] * way, shares.argmin(axis=1)
 
 
-def _far(survey: RecordingSurvey) -> Finding:
+def _far(survey: RecordingSurvey) -> Result:
     """Look for particles far from where all others are."""
     worst, where, n = 0.0, 0, 0
     for k, frame in zip(survey.sampled, survey.samples, strict=True):

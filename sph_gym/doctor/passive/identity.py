@@ -1,10 +1,8 @@
 """Is the recording whole: finite numbers, the same particles in the same order?"""
 
-import math
-
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.passive.survey import CHAIN, Change, RecordingSurvey, nearest
 from sph_gym.doctor.reading import Frame
 
@@ -12,7 +10,7 @@ from sph_gym.doctor.reading import Frame
 BORDER = 4.0
 
 
-def layout(survey: RecordingSurvey) -> Finding:
+def layout(survey: RecordingSurvey) -> Result:
     """Say what the recording holds: frames, particles, quantities."""
     frame, recording = survey.first, survey.recording
     columns = [name for name in (*CHAIN, "ids") if getattr(frame, name) is not None]
@@ -25,7 +23,7 @@ def layout(survey: RecordingSurvey) -> Finding:
     )
 
 
-def finite(survey: RecordingSurvey) -> Finding:
+def finite(survey: RecordingSurvey) -> Result:
     """Find the first density, pressure, velocity or position that is not finite."""
     bad = survey.bad
     if bad is None:
@@ -44,7 +42,7 @@ def finite(survey: RecordingSurvey) -> Finding:
     )
 
 
-def particles(survey: RecordingSurvey) -> Finding:
+def particles(survey: RecordingSurvey) -> Result:
     """Follow the particles: their number, their identities, their order."""
     if survey.doubled >= 0:
         return failed(
@@ -59,7 +57,7 @@ def particles(survey: RecordingSurvey) -> Finding:
     return _in_order(survey)
 
 
-def _changed(survey: RecordingSurvey, change: Change) -> Finding:
+def _changed(survey: RecordingSurvey, change: Change) -> Result:
     some = f" ({', '.join(change.names)})" if change.names else ""
     lost, gained = len(change.lost), change.gained
     counts = f"{survey.looks[change.frame - 1].n} then {survey.looks[change.frame].n}"
@@ -86,7 +84,7 @@ def _changed(survey: RecordingSurvey, change: Change) -> Finding:
     )
 
 
-def _in_order(survey: RecordingSurvey) -> Finding:
+def _in_order(survey: RecordingSurvey) -> Result:
     """Without identities, look whether rows still belong to the particles that they did."""
     n = survey.looks[0].n if survey.looks else 0
     for k, a, b in survey.pairs():
@@ -110,7 +108,7 @@ def _scattered(a: Frame, b: Frame) -> float:
     return min(float(np.median(np.linalg.norm(rest, axis=1))) for rest in rests)
 
 
-def _exchanged(survey: RecordingSurvey, k: int, a: Frame, b: Frame) -> Finding:
+def _exchanged(survey: RecordingSurvey, k: int, a: Frame, b: Frame) -> Result:
     from scipy.spatial import cKDTree
 
     place = cKDTree(b.x).query(a.x)[1]
@@ -136,14 +134,3 @@ def _exchanged(survey: RecordingSurvey, k: int, a: Frame, b: Frame) -> Finding:
         "identities: the motion of single particles can't be followed. Write an id with each",
         Measured("another order", "the same order"),
     )
-
-
-def interval(survey: RecordingSurvey, k: int) -> float:
-    """Return the time [s] from frame k to the next, NaN if it isn't told.
-
-    Whole numbers that count the frames are no times.
-    """
-    times = np.array([look.time for look in survey.looks])
-    if len(times) > 2 and (np.diff(times) == 1).all():
-        return math.nan
-    return float(times[k + 1] - times[k])

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
-from sph_gym.doctor.passive.identity import interval
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.pressure import sound_speed
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading import Frame
@@ -38,13 +37,13 @@ class FrameStep(NamedTuple):
     aside: float
 
 
-def motion(survey: RecordingSurvey) -> Finding:
+def motion(survey: RecordingSurvey) -> Result:
     """Compare displacements between frames with velocities, for particles of steady velocity."""
     if survey.first.v is None:
         return skipped("the recording has no velocities")
     if survey.reordered:
         return skipped("particles can't be followed from frame to frame")
-    steps = [_step(a, b, interval(survey, k)) for k, a, b in survey.pairs()]
+    steps = [_step(a, b, survey.interval(k)) for k, a, b in survey.pairs()]
     usable = [step for step in steps if step is not None and step.steady > 0.5]
     if len(usable) < 2:
         return inconclusive(
@@ -79,7 +78,7 @@ def motion(survey: RecordingSurvey) -> Finding:
     )
 
 
-def _unrelated(steps: list[FrameStep]) -> Finding:
+def _unrelated(steps: list[FrameStep]) -> Result:
     aside = float(np.median([step.aside for step in steps]))
     return failed(
         "velocities hardly change from frame to frame, and yet particles move across them: "
@@ -111,13 +110,13 @@ def _step(a: Frame, b: Frame, told: float) -> FrameStep | None:
     )
 
 
-def frozen(survey: RecordingSurvey) -> Finding:
+def frozen(survey: RecordingSurvey) -> Result:
     """Look for particles that have a velocity and stay where they are, in all frames."""
     if survey.first.v is None or survey.reordered or survey.change is not None:
         return skipped("needs velocities, and the same particles in all frames")
     if survey.n_frames < 3:
         return skipped(f"{survey.n_frames} frames are too few to tell")
-    step = interval(survey, 0)
+    step = survey.interval(0)
     if not math.isfinite(step):
         return skipped("the recording doesn't tell the times")
     sizes = [np.linalg.norm(frame.v, axis=1) for frame in survey.samples if frame.v is not None]
@@ -145,7 +144,7 @@ def frozen(survey: RecordingSurvey) -> Finding:
     )
 
 
-def speeds(survey: RecordingSurvey) -> Finding:
+def speeds(survey: RecordingSurvey) -> Result:
     """Compare speeds with the speed of sound, told or found in the equation of state."""
     if survey.first.v is None:
         return skipped("the recording has no velocities")
@@ -161,7 +160,7 @@ def speeds(survey: RecordingSurvey) -> Finding:
     return _judged(float(fast), float(burst), c, max(look.top_speed for look in survey.looks) / c)
 
 
-def _judged(fast: float, burst: float, c: float, top: float) -> Finding:
+def _judged(fast: float, burst: float, c: float, top: float) -> Result:
     if burst > MANY:
         return failed(
             f"{100 * burst:.0f} % of the particles are faster than {BURST:g} times the speed of "

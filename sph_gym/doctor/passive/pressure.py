@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sph_gym.doctor.findings import Finding, Measured, failed, inconclusive, passed, skipped
+from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.lab import once
 from sph_gym.doctor.passive.survey import RecordingSurvey
 from sph_gym.doctor.reading.frames import Array
@@ -116,7 +116,7 @@ VAGUE = 1.0
 FALLING = 0.8
 
 
-def equation_of_state(survey: RecordingSurvey) -> Finding:
+def equation_of_state(survey: RecordingSurvey) -> Result:
     """Fit Tait's equation to densities and pressures, or compare them with the scene's."""
     if survey.first.rho is None or survey.first.p is None:
         return skipped("the recording has no densities and pressures")
@@ -147,7 +147,7 @@ def equation_of_state(survey: RecordingSurvey) -> Finding:
     return _exponent(found)
 
 
-def _exponent(found: TaitFit) -> Finding:
+def _exponent(found: TaitFit) -> Result:
     """Return what is said of a law that fits."""
     # densities that hardly differ obey many an exponent
     vague = found.high - found.low > VAGUE
@@ -176,7 +176,7 @@ def _exponent(found: TaitFit) -> Finding:
     return inconclusive(f"an unusual exponent: {told}", numbers)
 
 
-def _against_scene(survey: RecordingSurvey, found: TaitFit | None) -> Finding:
+def _against_scene(survey: RecordingSurvey, found: TaitFit | None) -> Result:
     scene, stiffness = survey.known.scene, survey.known.stiffness
     assert scene is not None
     assert stiffness is not None

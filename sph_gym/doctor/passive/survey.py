@@ -165,6 +165,20 @@ class RecordingSurvey:
         return len(self.looks)
 
     @cached_property
+    def times(self) -> Array:
+        """Return the time [s] of each of these frames."""
+        return np.array([look.time for look in self.looks])
+
+    def interval(self, k: int) -> float:
+        """Return the time [s] from frame k to the next, NaN if it isn't told.
+
+        Whole numbers that count the frames are no times.
+        """
+        if self.n_frames > 2 and (np.diff(self.times) == 1).all():
+            return math.nan
+        return float(self.times[k + 1] - self.times[k])
+
+    @cached_property
     def sampled(self) -> list[int]:
         """Return the frames that are looked at closely, spread evenly; the last is one of them."""
         if self.n_frames == 0:
@@ -175,6 +189,11 @@ class RecordingSurvey:
     def samples(self) -> list[Frame]:
         """Return the fluid of the frames that are looked at closely."""
         return [self.fluid(k) for k in self.sampled]
+
+    @cached_property
+    def pressures(self) -> list[Array]:
+        """Return the pressures of the frames that are looked at closely, if there are any."""
+        return [frame.p for frame in self.samples if frame.p is not None]
 
     def pairs(self) -> list[tuple[int, Frame, Frame]]:
         """Return (k, frame k, frame k + 1) of the fluid, where both have the same particles."""

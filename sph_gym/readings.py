@@ -1,13 +1,12 @@
 """Values of gauges and particles over a run, for the console and for a table."""
 
-import csv
 import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from sph_gym.files import atomic_write
+from sph_gym.files import target_path, write_csv
 from sph_gym.solver.break_on import BreakOn
 from sph_gym.solver.checks import positive, whole
 from sph_gym.solver.gauges import Gauge
@@ -81,8 +80,8 @@ class Readings:
             raise ValueError(
                 "every: expected a gauge, quantities to log or a condition to break on"
             )
-        if path is not None and not Path(path).parent.is_dir():
-            raise FileNotFoundError(f"gauges: expected a file in a folder, got {str(path)!r}")
+        if path is not None:
+            target_path("gauges", path)
         self._sim, self.gauges, self.path = sim, tuple(gauges), path
         self._every, self.log, self.break_on = every, log, break_on
         self.offender: Offender | None = None
@@ -141,10 +140,5 @@ class Readings:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        if self.path is None:
-            return
-        with (
-            atomic_write(self.path, make_folder=False) as draft,
-            Path(draft).open("w", newline="", encoding="utf-8") as file,
-        ):
-            csv.writer(file).writerows([["time [s]", *self.columns], *self.rows])
+        if self.path is not None:
+            write_csv(Path(self.path), ["time [s]", *self.columns], self.rows)

@@ -2,10 +2,9 @@
 
 import json
 import math
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from sph_gym.files import atomic_write
+from sph_gym.files import atomic_write, target_path
 
 
 class Outcome(NamedTuple):
@@ -17,10 +16,7 @@ class Outcome(NamedTuple):
 
 def check_place(path: str) -> None:
     """Raise OSError that names --json if no file can be at a path; "-" is the standard output."""
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"--json: there is no directory {str(target.parent)!r}")
-    if target.is_dir():
+    if target_path("--json", path).is_dir():
         raise IsADirectoryError(f"--json: expected a file, got the directory {path!r}")
 
 

@@ -163,7 +163,7 @@ def _below(prefix: str, stored: Arrays) -> Arrays:
 
 
 def _constants(sim: Simulation) -> Arrays:
-    """Return all that doesn't change in a run: the JSON text, and the arrays that it names."""
+    """Return all that doesn't change in a run."""
     parameters = {
         "scene": sim.scene,
         "dtype": sim.dtype,
@@ -178,6 +178,11 @@ def _constants(sim: Simulation) -> Arrays:
         "numba": numba.__version__,
         "python": platform.python_version(),
     }
+    return packed(parameters)
+
+
+def packed(parameters: dict[str, Any]) -> Arrays:
+    """Return parameters as a file holds them: the JSON text, and the arrays that it names."""
     arrays: Arrays = {}
 
     def keep(name: str, array: NDArray[Any]) -> dict[str, str]:

@@ -49,15 +49,9 @@ def program() -> str:
     return f"sph-gym agents {name}" if by_command else f"python -m agents.{name}"
 
 
-def parse(
-    kind: type[Arguments], description: str | None, words: list[str] | None = None
-) -> Arguments:
-    """Return the arguments of the command line as a `kind`.
-
-    words: by default those of this process. Exits with a message for unknown options and wrong
-    values.
-    """
-    return _read(make_parser(kind, description), kind, words)
+def command() -> str:
+    """Return the command line of this process, to be told where its results are."""
+    return " ".join([program(), *sys.argv[1:]])
 
 
 def make_parser(kind: type[Any], description: str | None) -> Parser:
@@ -91,7 +85,12 @@ def make_parser(kind: type[Any], description: str | None) -> Parser:
     return parser
 
 
-def _read(parser: Parser, kind: type[Arguments], words: list[str] | None = None) -> Arguments:
+def parse(parser: Parser, kind: type[Arguments], words: list[str] | None = None) -> Arguments:
+    """Return the arguments of the command line as a `kind`, whose parser reads them.
+
+    words: by default those of this process. Exits with a message for unknown options and wrong
+    values.
+    """
     given = vars(parser.parse_args(words))
     return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in given.items()})
 
@@ -107,7 +106,7 @@ def launch(
     """
     parser = make_parser(kind, description)
     try:
-        main(_read(parser, kind))
+        main(parse(parser, kind))
     except (ValueError, ImportError, OSError) as error:
         # `path` is an argument of the package, and no option; the file that it was given follows
         message = parser.by_option(str(error)).removeprefix("path: ")

@@ -10,6 +10,7 @@ import pandas as pd
 from agents import entries, plots, scores
 from agents.entries import GAMES, LeaderboardEntry
 from agents.evaluate import show as show_table
+from agents.report import markdown
 from agents.scores import BEST_STATIC, GAP, ORACLE, RULE, Interval
 from agents.styles import style_of
 
@@ -159,12 +160,6 @@ def ranged(found: Interval, digits: int = 2) -> str:
 def percent(found: Interval) -> str:
     """Return shares in percent as text."""
     return ranged((100 * found[0], 100 * found[1], 100 * found[2]), 0)
-
-
-def markdown(lines: pd.DataFrame) -> str:
-    """Return a table of text in Markdown; the columns after the first one are flush right."""
-    sides = ["left"] + ["right"] * (lines.shape[1] - 1)
-    return str(lines.to_markdown(index=False, colalign=sides, disable_numparse=True))
 
 
 def show(found: Sequence[LeaderboardEntry], splits: Sequence[str]) -> None:

@@ -1,7 +1,6 @@
 """The main job: all agents on the same instances and seeds, and a report of how they did."""
 
 import platform
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 import sph_gym
 from agents import plots, report, static_search
-from agents.arguments import BackendArgs, launch, option, program
+from agents.arguments import BackendArgs, command, launch, option
 from agents.evaluate import (
     evaluate,
     instance_ids,
@@ -220,7 +219,7 @@ def _context(
         "summary": summary,
         "instances": instances,
         "recorded_instance": instances[0],
-        "command": " ".join([program(), *sys.argv[1:]]),
+        "command": command(),
         "versions": {
             "sph_gym": sph_gym.__version__,
             "python": platform.python_version(),

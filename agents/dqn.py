@@ -9,7 +9,7 @@ from torch.nn.functional import smooth_l1_loss
 
 from agents.arguments import launch
 from agents.exports import plain_network
-from agents.training import Training, TrainingArgs, Trial, new_model
+from agents.training import Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
 from sph_gym.solver.checks import known
 
@@ -65,13 +65,7 @@ def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
     training = Training("dqn", args, export, trial)
     known("action_mode", training.action_mode, ("discrete",))
-    envs = training.make_envs()
-    if args.resume:
-        model = DoubleDQN.load(training.checkpoint(), env=envs, device="cpu")
-    else:
-        model = new_model(DoubleDQN, envs, training.settings())
-    training.learn(model)
-    envs.close()
+    training.learn(training.model(DoubleDQN, training.make_envs()))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from agents.arguments import SCENE_HELP, BackendArgs, launch, option
 from agents.exports import plain_network
 from agents.lessons import TEACHERS, Lesson
 from agents.training import CONTINUOUS, hyperparameters
-from agents.validation import RETURN, Validation, training_ids, validation_ids
+from agents.validation import Validation, training_ids, validation_ids
 from sph_gym.controllers import Network
 from sph_gym.provenance import content_hash
 from sph_gym.solver.checks import known, whole
@@ -82,11 +82,7 @@ def train(args: ImitationArgs) -> None:
             for kind in ("observations", "actions")
         )
         network = fit(args, observations, actions)
-        validation.judge(network, len(observations))
-        learner = args.folder / f"round{number}.npz"
-        network.save(learner)
-        earned = validation.curve[-1][RETURN]
-        print(f"round {number}: {len(observations)} answers, mean return {earned:.3f}")
+        learner = validation.end_round(number, network, len(observations), "answers")
     print(f"policy: {validation.network}")
 
 

@@ -9,7 +9,7 @@ from stable_baselines3 import PPO
 
 from agents.arguments import launch
 from agents.exports import plain_network
-from agents.training import Training, TrainingArgs, Trial, new_model
+from agents.training import Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
 
 
@@ -34,13 +34,7 @@ def export(model: PPO, action_mode: str) -> Network:
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
     training = Training("ppo", args, export, trial)
-    envs = training.make_envs()
-    if args.resume:
-        model = PPO.load(training.checkpoint(), env=envs, device="cpu")
-    else:
-        model = new_model(PPO, envs, training.settings())
-    training.learn(model)
-    envs.close()
+    training.learn(training.model(PPO, training.make_envs()))
 
 
 if __name__ == "__main__":

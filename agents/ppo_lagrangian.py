@@ -8,7 +8,7 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from agents.arguments import launch
 from agents.ppo import export
-from agents.training import Training, TrainingArgs, Trial, new_model
+from agents.training import Training, TrainingArgs, Trial
 from sph_gym.env.rewards import WORST
 
 
@@ -70,13 +70,7 @@ class LagrangianPPO(PPO):
 def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
     training = Training("ppo_lagrangian", args, export, trial)
-    envs = Priced(training.make_envs())
-    if args.resume:
-        model = LagrangianPPO.load(training.checkpoint(), env=envs, device="cpu")
-    else:
-        model = new_model(LagrangianPPO, envs, training.settings())
-    training.learn(model)
-    envs.close()
+    training.learn(training.model(LagrangianPPO, Priced(training.make_envs())))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from agents import imitation
 from agents.arguments import launch, option
 from agents.imitation import ImitationArgs
 from agents.ppo import export, layers
-from agents.training import Training, TrainingArgs, Trial, new_model
+from agents.training import Training, TrainingArgs, Trial
 from agents.validation import NETWORK
 from sph_gym.controllers import Network
 from sph_gym.env import actions
@@ -152,15 +152,14 @@ def train(args: TrainingArgs, trial: Trial | None = None, start: Path | None = N
     envs = training.make_envs()
     highest = np.array([actions.locate(caution.courant, 1.0, 0.0)[0], 1.0, 1.0], np.float32)
     envs.action_space = spaces.Box(-1.0, highest, dtype=np.float32)
-    if args.resume:
-        model = PPO.load(training.checkpoint(), env=envs, device="cpu")
-    else:
-        start = start or (imitate if trial is None else common_start)(args, mode)
-        model = new_model(PPO, envs, settings)
+    # made before the model, which sets the seed of all that follows
+    make = imitate if trial is None else common_start
+    start = None if args.resume else start or make(args, mode)
+    model = training.model(PPO, envs, settings)
+    if start is not None:
         begin_with(model, Network.load(start), mode)
         explore(model, caution.spread)
     training.learn(model, [Hold(round(caution.held * args.steps))])
-    envs.close()
 
 
 def main(args: WarmArgs) -> None:

@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from matplotlib.markers import MarkerStyle
 from matplotlib.transforms import Affine2D
 
-from agents.evaluate import MEASURES, readable
+from agents.evaluate import MEASURES, readable, write_csv
 from agents.policies import ORACLES
 from agents.styles import Marker, sentence, style_of
 from sph_gym.env.rewards import MILDEST, MOST_WORK, WINDOW, WORST, Tolerances
@@ -30,13 +30,15 @@ def write_tables(summary: pd.DataFrame, folder: Path, stem: str = "table") -> No
 
     summary: as `agents.evaluate.summary_table` or `shift_table` returns it.
     """
-    with atomic_write(folder / f"{stem}.csv") as draft:
-        summary.to_csv(draft, index=False)
-    text = readable(summary)
-    sides = ["left" if name in ("shift", "agent") else "right" for name in text.columns]
-    markdown = text.to_markdown(index=False, colalign=sides, disable_numparse=True)
+    write_csv(summary, folder / f"{stem}.csv")
     with atomic_write(folder / f"{stem}.md") as draft:
-        draft.write_text(f"{markdown}\n", encoding="utf-8")
+        draft.write_text(f"{markdown(readable(summary))}\n", encoding="utf-8")
+
+
+def markdown(lines: pd.DataFrame) -> str:
+    """Return a table of text in Markdown; all but agents and shifts are flush right."""
+    sides = ["left" if name in ("shift", "agent") else "right" for name in lines.columns]
+    return str(lines.to_markdown(index=False, colalign=sides, disable_numparse=True))
 
 
 def write_report(folder: Path, context: Mapping[str, Any]) -> Path:

@@ -8,7 +8,6 @@ Source: Lagoudakis and Parr 2003, reinforcement learning as classification. Thei
 with the policy after the first action; here the action is held, and nothing follows it.
 """
 
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import MISSING, asdict, dataclass, fields
@@ -19,12 +18,12 @@ from typing import Any, TypeVar
 import torch
 
 from agents import cards, policies, tries
-from agents.arguments import SCENE_HELP, BackendArgs, launch, option, program
+from agents.arguments import SCENE_HELP, BackendArgs, command, launch, option
 from agents.exports import plain_network
 from agents.imitation import descend, perceptron
 from agents.training import hyperparameters
 from agents.tries import Exploration, Tries, TrySettings, explore, gather
-from agents.validation import RETURN, Validation, training_ids, validation_ids
+from agents.validation import Validation, training_ids, validation_ids
 from sph_gym.controllers import Network
 from sph_gym.env.instances import SIZES
 from sph_gym.provenance import content_hash
@@ -136,11 +135,7 @@ def train(args: RolloutArgs) -> None:
         found = gather(episodes)
         values = [fit_value(args, found, k) for k in range(args.settings.value.n)]
         network = fit_policy(args, found, values)
-        validation.judge(network, found.values.size)
-        learner = args.folder / f"round{number}.npz"
-        network.save(learner)
-        earned = validation.curve[-1][RETURN]
-        print(f"round {number}: {found.values.size} tries, mean return {earned:.3f}")
+        learner = validation.end_round(number, network, found.values.size, "tries")
     print(f"policy: {validation.network}")
     if args.ship:
         target = cards.ship(
@@ -148,7 +143,7 @@ def train(args: RolloutArgs) -> None:
             how=f"{args.rounds} rounds of {args.episodes} episodes on each scene, with the "
             f"hyperparameters {asdict(args.settings)}; kept is the network that was best on "
             f"{len(ids)} validation flows.",
-            command=" ".join([program(), *sys.argv[1:]]), seed=args.seed,
+            command=command(), seed=args.seed,
             minutes=round((time.monotonic() - began) / 60),
         )  # fmt: skip
         print(f"shipped: {target}")

@@ -6,7 +6,7 @@ from stable_baselines3 import SAC
 
 from agents.arguments import launch
 from agents.exports import plain_network
-from agents.training import CONTINUOUS, Training, TrainingArgs, Trial, new_model
+from agents.training import CONTINUOUS, Training, TrainingArgs, Trial
 from sph_gym.controllers import Network
 from sph_gym.solver.checks import known
 
@@ -21,13 +21,7 @@ def train(args: TrainingArgs, trial: Trial | None = None) -> None:
     """Train on the training instances; keep the model that is best on the validation instances."""
     training = Training("sac", args, export, trial)
     known("action_mode", training.action_mode, CONTINUOUS)
-    envs = training.make_envs()
-    if args.resume:
-        model = SAC.load(training.checkpoint(), env=envs, device="cpu")
-    else:
-        model = new_model(SAC, envs, training.settings())
-    training.learn(model)
-    envs.close()
+    training.learn(training.model(SAC, training.make_envs()))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,8 @@ import copy
 import shutil
 import sys
 import time
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,8 +20,7 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList, Check
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents import cards
-from agents.arguments import SCENE_HELP, option, program
-from agents.checkpoints import newest_checkpoint
+from agents.arguments import SCENE_HELP, command, option
 from agents.exports import checked_export
 from agents.validation import NETWORK, Validation, ValidationCallback, validation_ids
 from sph_gym.controllers import Network
@@ -148,6 +149,17 @@ class Training:
             "device": "cpu",
         }
 
+    def model(
+        self, kind: type[Model], envs: VecEnv, settings: Mapping[str, Any] | None = None
+    ) -> Model:
+        """Return a new model, or that of the newest checkpoint if the training is resumed.
+
+        settings: arguments of a new one, by default all hyperparameters.
+        """
+        if self.args.resume:
+            return kind.load(self.checkpoint(), env=envs, device="cpu")
+        return new_model(kind, envs, self.settings() if settings is None else settings)
+
     def checkpoint(self) -> Path:
         """Return the newest complete checkpoint, which is a pickle.
 
@@ -182,9 +194,10 @@ class Training:
             )
 
     def learn(self, model: BaseAlgorithm, more: Sequence[BaseCallback] = ()) -> None:
-        """Train, and export the best model; Ctrl-C ends the training and still exports.
+        """Train, export the best model, close its environments.
 
-        more: callbacks besides checkpoints and validations. Ctrl-C ends all trials with this one.
+        more: callbacks besides checkpoints and validations. Ctrl-C ends the training, which still
+        exports; of a trial, it ends the others, too.
         """
         args, began = self.args, time.monotonic()
         ids = validation_ids(args.scene, args.n_evaluations)
@@ -214,8 +227,9 @@ class Training:
             checked_export(model, self.plain).save(validation.network)
         print(f"policy: {validation.network}")
         if args.ship:
-            minutes = round((time.monotonic() - began) / 60)
-            self._ship(validation.network, minutes)
+            self._ship(validation.network, minutes=round((time.monotonic() - began) / 60))
+        if (envs := model.get_env()) is not None:
+            envs.close()
 
     def _ship(self, network: Path, minutes: int) -> None:
         """Put the network into the package, with a card."""
@@ -225,7 +239,7 @@ class Training:
             how=f"{args.steps} steps with the hyperparameters {self.hyperparameters}; kept is the "
             "network that was best on "
             f"{len(validation_ids(args.scene, args.n_evaluations))} validation flows.",
-            command=" ".join([program(), *sys.argv[1:]]), seed=args.seed, minutes=minutes,
+            command=command(), seed=args.seed, minutes=minutes,
         )  # fmt: skip
         print(f"shipped: {target}")
 
@@ -238,6 +252,29 @@ class Training:
             CheckpointCallback(every, folder, self.algorithm),
             ValidationCallback(validation, every, self.plain, report),
         ]
+
+
+def newest_checkpoint(folder: Path) -> Path:
+    """Return the newest checkpoint that was written to its end.
+
+    Raises FileNotFoundError if there is none.
+    """
+    found = sorted((folder / "checkpoints").glob("*.zip"), key=lambda file: file.stat().st_mtime)
+    for file in reversed(found):
+        if _is_complete(file):
+            return file
+        print(f"damaged, and left out: {file}", file=sys.stderr)
+    raise FileNotFoundError(f"nothing to resume: no checkpoints in {folder / 'checkpoints'}")
+
+
+def _is_complete(path: Path) -> bool:
+    """Return whether the file of a model was written to its end; nothing in it is unpickled."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            # torn within one of the archives that it holds, it ends like a complete one
+            return "data" in archive.namelist() and archive.testzip() is None
+    except (OSError, zipfile.BadZipFile, zlib.error):
+        return False
 
 
 def new_model(kind: type[Model], envs: VecEnv, settings: Mapping[str, Any]) -> Model:

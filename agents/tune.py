@@ -80,15 +80,8 @@ class TuneArgs(BackendArgs):
 
     def training(self, seed: int) -> TrainingArgs:
         """Return the arguments of a training. Raises ValueError that names a wrong one."""
-        return TrainingArgs(
-            scene=self.scene,
-            steps=self.steps,
-            n_envs=self.n_envs,
-            seed=seed,
-            output=self.folder / "trainings",
-            evaluate_every=self.evaluate_every,
-            n_evaluations=self.n_evaluations,
-        )
+        shared = {name: getattr(self, name) for name in SHARED}
+        return TrainingArgs(self.scene, seed=seed, output=self.folder / "trainings", **shared)
 
 
 def spaces() -> dict[str, Any]:

@@ -92,6 +92,18 @@ class Validation:
         write_csv(pd.DataFrame(self.curve), self.folder / "validation.csv")
         return best
 
+    def end_round(self, number: int, network: Network, count: int, lessons: str) -> Path:
+        """Judge the network of a round, keep it, and return its file, the next learner.
+
+        count, lessons: how many of what it has learned from.
+        """
+        self.judge(network, count)
+        path = self.folder / f"round{number}.npz"
+        network.save(path)
+        earned = self.curve[-1][RETURN]
+        print(f"round {number}: {count} {lessons}, mean return {earned:.3f}")
+        return path
+
     def _read(self) -> list[dict[str, Any]]:
         path = self.folder / "validation.csv"
         try:

@@ -14,6 +14,7 @@ import pandas as pd
 from agents import board, entries, scores
 from agents.arguments import launch, option
 from agents.entries import GAMES, LeaderboardEntry
+from agents.report import markdown
 from agents.scores import RULE, Values
 from agents.styles import style_of
 from sph_gym.env.instances import FINER, ODD
@@ -120,7 +121,7 @@ def tables(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> dict[str, p
 def text(found: Sequence[LeaderboardEntry], runs: pd.DataFrame) -> str:
     """Return the part of the page."""
     parts = [
-        f"{title}:\n\n{board.markdown(each.fillna(board.DASH))}"
+        f"{title}:\n\n{markdown(each.fillna(board.DASH))}"
         for title, each in tables(found, runs).items()
     ]
     return "\n\n".join(parts) or "Nothing has been played out of distribution yet."

@@ -7,29 +7,30 @@ from sph_gym.env import register_all
 from sph_gym.provenance import VERSION
 
 if TYPE_CHECKING:
-    from sph_gym import scenes
-    from sph_gym.env import TuningEnv
-    from sph_gym.solver.batch import advance_all
-    from sph_gym.solver.gauges import Gauge
-    from sph_gym.solver.geometry import (
-        channel_particles,
-        disc,
-        lattice,
-        plate_particles,
-        tank_particles,
-    )
-    from sph_gym.solver.gravity import (
-        CentralGravity,
-        Gravity,
-        RecordedGravity,
-        RollingTank,
-        ShakenGravity,
-    )
-    from sph_gym.solver.report import Report
-    from sph_gym.solver.scene import Effects, Fluid, Scene, sound_speed
-    from sph_gym.solver.simulation import Simulation
-    from sph_gym.solver.state import Controls
-    from sph_gym.solver.walls import Motion, Walls
+    # "as" tells type checkers that the names are public
+    from sph_gym import scenes as scenes
+    from sph_gym.env import TuningEnv as TuningEnv
+    from sph_gym.solver.batch import advance_all as advance_all
+    from sph_gym.solver.gauges import Gauge as Gauge
+    from sph_gym.solver.geometry import channel_particles as channel_particles
+    from sph_gym.solver.geometry import disc as disc
+    from sph_gym.solver.geometry import lattice as lattice
+    from sph_gym.solver.geometry import plate_particles as plate_particles
+    from sph_gym.solver.geometry import tank_particles as tank_particles
+    from sph_gym.solver.gravity import CentralGravity as CentralGravity
+    from sph_gym.solver.gravity import Gravity as Gravity
+    from sph_gym.solver.gravity import RecordedGravity as RecordedGravity
+    from sph_gym.solver.gravity import RollingTank as RollingTank
+    from sph_gym.solver.gravity import ShakenGravity as ShakenGravity
+    from sph_gym.solver.report import Report as Report
+    from sph_gym.solver.scene import Effects as Effects
+    from sph_gym.solver.scene import Fluid as Fluid
+    from sph_gym.solver.scene import Scene as Scene
+    from sph_gym.solver.scene import sound_speed as sound_speed
+    from sph_gym.solver.simulation import Simulation as Simulation
+    from sph_gym.solver.state import Controls as Controls
+    from sph_gym.solver.walls import Motion as Motion
+    from sph_gym.solver.walls import Walls as Walls
 
 __version__ = VERSION
 
@@ -54,6 +55,7 @@ _PLACES = {
     "solver.walls": ("Motion", "Walls"),
 }  # fmt: skip
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
+__all__ = sorted(["scenes", *_MODULES])
 
 if not TYPE_CHECKING:
 
@@ -68,30 +70,3 @@ if not TYPE_CHECKING:
 
 def __dir__() -> list[str]:
     return sorted([*__all__, "__version__"])
-
-
-__all__ = [
-    "CentralGravity",
-    "Controls",
-    "Effects",
-    "Fluid",
-    "Gauge",
-    "Gravity",
-    "Motion",
-    "RecordedGravity",
-    "Report",
-    "RollingTank",
-    "Scene",
-    "ShakenGravity",
-    "Simulation",
-    "TuningEnv",
-    "Walls",
-    "advance_all",
-    "channel_particles",
-    "disc",
-    "lattice",
-    "plate_particles",
-    "scenes",
-    "sound_speed",
-    "tank_particles",
-]

@@ -9,7 +9,7 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -99,6 +99,22 @@ def _is_private(folder: Path) -> bool:
     )
 
 
+def target_path(
+    name: str, path: str | os.PathLike[str], endings: Collection[str] | None = None
+) -> Path:
+    """Return the path of a file that is to be written; name: of the argument, for messages.
+
+    Raises ValueError if it has none of the endings, FileNotFoundError if its folder is missing.
+    """
+    target = Path(path)
+    if endings is not None and target.suffix.lower() not in endings:
+        known = " or ".join(endings)
+        raise ValueError(f"{name}: expected a name ending in {known}, got {str(path)!r}")
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"{name}: there is no directory {str(target.parent)!r}")
+    return target
+
+
 @contextmanager
 def atomic_write(path: str | os.PathLike[str], make_folder: bool = True) -> Iterator[Path]:
     """Yield the path of a draft, which replaces `path` when the block ends without an error.
@@ -123,14 +139,6 @@ def atomic_write(path: str | os.PathLike[str], make_folder: bool = True) -> Iter
     finally:
         # a full disk or Ctrl-C may leave a draft behind
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def in_folder(name: str, path: str | os.PathLike[str]) -> Path:
-    """Return a path; raise FileNotFoundError that names the argument if its folder is missing."""
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"{name}: there is no directory {str(target.parent)!r}")
-    return target
 
 
 def write_csv(

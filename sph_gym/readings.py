@@ -5,7 +5,7 @@ import os
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sph_gym.files import in_folder, write_csv
+from sph_gym.files import target_path, write_csv
 from sph_gym.solver.break_on import BreakOn
 from sph_gym.solver.checks import positive, whole
 from sph_gym.solver.gauges import Gauge
@@ -80,7 +80,7 @@ class Readings:
                 "every: expected a gauge, quantities to log or a condition to break on"
             )
         if path is not None:
-            in_folder("gauges", path)
+            target_path("gauges", path)
         self._sim, self.gauges, self.path = sim, tuple(gauges), path
         self._every, self.log, self.break_on = every, log, break_on
         self.offender: Offender | None = None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sph_gym.blowups import explain
 from sph_gym.controllers import Controller
 from sph_gym.extras import progress_bar, say
+from sph_gym.files import target_path
 from sph_gym.readings import Readings
 from sph_gym.solver.checks import known, positive
 from sph_gym.solver.report import Report
@@ -21,7 +22,7 @@ from sph_gym.solver.warnings import short
 from sph_gym.trajectory import Recorder, read, recording_target
 from sph_gym.view import History, Painter, Recording, Window, write_video
 from sph_gym.view.colors import available, quantity
-from sph_gym.view.video import video_target
+from sph_gym.view.video import ENDINGS
 
 VIDEO_WIDTH, VIDEO_FPS = 960, 30
 # Number of particles that are logged if none are named.
@@ -109,7 +110,7 @@ def run(
 def check_targets(video: str | None, save: str | None) -> None:
     """Raise what `run` raises if a film or a recording can't be written there."""
     if video is not None:
-        video_target(video, "video")
+        target_path("video", video, ENDINGS)
     if save is not None:
         recording_target(save, "save")
 

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.extras import needs_extra
-from sph_gym.files import atomic_write, in_folder
+from sph_gym.files import atomic_write, target_path
 from sph_gym.provenance import VERSION
 from sph_gym.solver.checks import instance_of, known, path_of
 from sph_gym.solver.gauges import Gauge
@@ -119,10 +119,9 @@ class Recorder:
 
 def recording_target(path: str | os.PathLike[str], name: str = "path") -> Path:
     """Return the path of a recording, or raise what `Recorder` raises; name: for messages."""
-    target = path_of(name, path)
-    suffix = known(name, target.suffix.lower(), _WRITERS)
-    in_folder(name, target)
-    if suffix == ".pvd" and (folder := target.with_suffix("")).exists() and not folder.is_dir():
+    target = target_path(name, path_of(name, path), _WRITERS)
+    folder = target.with_suffix("")
+    if target.suffix.lower() == ".pvd" and folder.exists() and not folder.is_dir():
         raise FileExistsError(
             f"{name}: expected a folder or nothing at {str(folder)!r}, where the frames are to "
             "go, got a file"

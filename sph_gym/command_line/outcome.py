@@ -4,7 +4,7 @@ import json
 import math
 from typing import Any, NamedTuple
 
-from sph_gym.files import atomic_write, in_folder
+from sph_gym.files import atomic_write, target_path
 
 
 class Outcome(NamedTuple):
@@ -16,7 +16,7 @@ class Outcome(NamedTuple):
 
 def check_place(path: str) -> None:
     """Raise OSError that names --json if no file can be at a path; "-" is the standard output."""
-    if in_folder("--json", path).is_dir():
+    if target_path("--json", path).is_dir():
         raise IsADirectoryError(f"--json: expected a file, got the directory {path!r}")
 
 

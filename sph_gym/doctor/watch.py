@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sph_gym.blowups import explain
-from sph_gym.files import atomic_write, in_folder
+from sph_gym.files import atomic_write, target_path
 from sph_gym.provenance import VERSION
 from sph_gym.solver.offender import Limits, Offender, State, find, neighborhood
 from sph_gym.solver.simulation import Simulation
@@ -120,7 +120,7 @@ def watch(
     has no step, x or v; FileNotFoundError if the folder of the path is missing.
     """
     if path is not None:
-        in_folder("path", _npz(path))
+        target_path("path", _npz(path))
     if limits is not None and not isinstance(limits, Limits):
         raise ValueError(f"limits: expected Limits, got {limits!r}")
     if not any(callable(getattr(solver, name, None)) for name in ("step", "advance")):

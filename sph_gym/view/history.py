@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from sph_gym.solver.offender import Offender
 from sph_gym.solver.simulation import Report, Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.view.marks import offender_of
-from sph_gym.view.state import Array, Shown
+from sph_gym.view.state import Array
 
 # Number of states that are kept.
 KEPT = 1000
@@ -41,40 +41,6 @@ class Trouble(NamedTuple):
     message: str
 
 
-class Source(Protocol):
-    """Moments that can be shown one after the other: of a simulation, or of a recording.
-
-    n: moments so far; at: index of the present one; state: the present one; unit: the word for the
-    way from one moment to the next.
-    """
-
-    unit: str
-
-    @property
-    def n(self) -> int:
-        """Number of moments so far."""
-
-    @property
-    def at(self) -> int:
-        """Index of the present moment."""
-
-    @property
-    def state(self) -> Shown:
-        """The present moment."""
-
-    def time(self, k: int) -> float:
-        """Return the time of a moment [s]."""
-
-    def series(self) -> Mapping[str, Array]:
-        """Return (n,) values of every measure over all moments, by titles with units."""
-
-    def go(self, k: int) -> None:
-        """Make moment k the present one; the nearest there is if there is none."""
-
-    def forward(self) -> bool:
-        """Go to the next moment, which may have to be computed; False if there is none."""
-
-
 class HistoryEntry(NamedTuple):
     """A kept moment.
 
@@ -92,7 +58,7 @@ class HistoryEntry(NamedTuple):
 
 
 class History:
-    """A running simulation with the moments behind it, a `Source`.
+    """A running simulation with the moments behind it: a `Source`.
 
     sim: is moved to the moment that is shown, so everything about it can be asked; advance: runs it
     on by a frame and returns the report, None if the run is over; without it, others run it;

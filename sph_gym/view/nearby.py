@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sph_gym.solver.thickness import close_pairs
+
 Array = NDArray[Any]
 # Lengths after which space closes upon itself [m], infinite where it doesn't.
 Periods = tuple[float, float]
@@ -47,55 +49,33 @@ def neighbors_of(x: Array, i: int, h: float, periods: Periods = OPEN) -> tuple[A
 def surroundings(x: Array, n_fluid: int, h: float, periods: Periods = OPEN) -> Surroundings:
     """Return how many neighbours each fluid particle has, and how far the nearest one is.
 
-    x: (n, 2) positions [m], fluid first; h: support radius [m]. A cell list in numpy: 5,000
-    particles take a hundredth of a second or two.
+    x: (n, 2) positions [m], fluid first; h: support radius [m]; periods: at least 2 h each.
     """
-    counts, nearest2 = np.zeros(n_fluid, np.int32), np.full(n_fluid, np.inf)
-    for i, j, r2 in _pairs(np.asarray(x, dtype=float), n_fluid, h, periods):
-        counts += np.bincount(i, minlength=n_fluid).astype(np.int32)
-        of_fluid = j < n_fluid
-        np.minimum.at(nearest2, i[of_fluid], r2[of_fluid])
-    return Surroundings(counts, np.sqrt(nearest2))
+    counts, nearest = np.zeros(n_fluid, np.int32), np.full(n_fluid, np.inf)
+    place, owner = _with_images(np.asarray(x, dtype=float), h, periods)
+    fluid = place[: np.isfinite(x[:n_fluid]).all(axis=1).sum()]
+    for k, image, distance in close_pairs(fluid, place, h) if len(fluid) else ():
+        i, j = owner[k], owner[image]
+        counts += np.bincount(i[i != j], minlength=n_fluid).astype(np.int32)
+        of_fluid = (i != j) & (j < n_fluid)
+        np.minimum.at(nearest, i[of_fluid], distance[of_fluid])
+    return Surroundings(counts, nearest)
 
 
-def _pairs(x: Array, n_fluid: int, h: float, periods: Periods) -> Any:
-    """Yield fluid particles i, others j within h, and squared distances, a part at a time."""
-    wrapped = x.copy()
-    finite: Array = np.asarray(np.isfinite(x).all(axis=1))
-    low = x[finite].min(axis=0) if finite.any() else np.zeros(2)
-    n_cells = np.zeros(2, np.int64)
+def _with_images(x: Array, h: float, periods: Periods) -> tuple[Array, Array]:
+    """Return (k, 2) places of all particles that have one, and (k,) whose place each is.
+
+    After the particles come the images of those that are nearer than h to a periodic side.
+    """
+    owner = np.flatnonzero(np.isfinite(x).all(axis=1))
+    place = x[owner]
     for axis, period in enumerate(periods):
-        if np.isfinite(period):
-            wrapped[:, axis] = low[axis] + (x[:, axis] - low[axis]) % period
-            # cells of a periodic axis fill it exactly; fewer than three would be visited twice
-            n_cells[axis] = max(int(period / h), 1)
-    width = np.where(n_cells > 0, np.array(periods) / np.maximum(n_cells, 1), h)
-    with np.errstate(invalid="ignore"):
-        # far strays share the last cell of the numbering, which costs time and nothing else
-        cell = np.clip(np.floor((wrapped - low) / width), 0, 2**30)
-    cell = np.where(finite[:, None], cell, 2**30).astype(np.int64)
-    key = cell[:, 0] * 2**31 + cell[:, 1]
-    order = np.argsort(key, kind="stable")
-    sorted_key = key[order]
-    fluid = np.flatnonzero(finite[:n_fluid])
-    for step in _steps(n_cells):
-        other = cell[fluid] + step
-        for axis in (0, 1):
-            if n_cells[axis] > 0:
-                other[:, axis] %= n_cells[axis]
-        wanted = other[:, 0] * 2**31 + other[:, 1]
-        first = np.searchsorted(sorted_key, wanted, "left")
-        number = np.searchsorted(sorted_key, wanted, "right") - first
-        number[(other < 0).any(axis=1)] = 0
-        i = np.repeat(fluid, number)
-        within = np.arange(len(i)) - np.repeat(np.cumsum(number) - number, number)
-        j = order[np.repeat(first, number) + within]
-        r2 = (nearest_images(x[i] - x[j], periods) ** 2).sum(axis=1)
-        near = (r2 < h * h) & (i != j)
-        yield i[near], j[near], r2[near]
-
-
-def _steps(n_cells: Array) -> Array:
-    """Return the (k, 2) steps to neighbouring cells: on a short periodic axis each cell once."""
-    along = [np.array([-1, 0, 1]) if n == 0 or n >= 3 else np.arange(n) for n in n_cells]
-    return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 2)
+        if not np.isfinite(period) or not len(place):
+            continue
+        along, low = place[:, axis], place[:, axis].min()
+        along[:] = low + (along - low) % period
+        at_low, at_high = along < low + h, along > low + period - h
+        step = np.where(np.arange(2) == axis, period, 0.0)
+        place = np.concatenate([place, place[at_low] + step, place[at_high] - step])
+        owner = np.concatenate([owner, owner[at_low], owner[at_high]])
+    return place, owner

@@ -1,12 +1,14 @@
 """Drawings around and over the fluid: walls, arrows, the colour bar, the controls."""
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.solver.scene import Scene
+from sph_gym.solver.state import Controls
 from sph_gym.view.colors import EDGE, Quantity, Rgb, ticks, velocity_scale
 from sph_gym.view.layout import FIELD, LINE, Layout, control_rows
 from sph_gym.view.state import Shown
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 MAX_ARROWS = 200
 # Stands for a number that a recording doesn't have.
 UNKNOWN = "?"
+# Units and their sizes, the largest first.
+TIMES = {"s": 1.0, "ms": 1e-3, "µs": 1e-6}
+PRESSURES = {"GPa": 1e9, "MPa": 1e6, "kPa": 1e3, "Pa": 1.0}
 
 
 class ArrowUnit(NamedTuple):
@@ -39,12 +44,26 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{value:.{max(decimals, 0)}f}"
 
 
-def seconds(dt: float) -> str:
-    """Return a time step in the unit that suits it: s, ms or µs."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3)):
-        if dt >= 0.9995 * size:
-            return f"{significant(dt / size)} {unit}"
-    return f"{significant(dt / 1e-6)} µs"
+def with_unit(value: float, units: Mapping[str, float]) -> str:
+    """Return a value in the first of some units that it fills, else the last; "?" for NaN.
+
+    units: sizes by name, the largest first.
+    """
+    if not math.isfinite(value):
+        return UNKNOWN
+    # 0.9995 has the three digits of 1.00
+    unit = next((each for each in units if value >= 0.9995 * units[each]), [*units][-1])
+    return f"{significant(value / units[unit])} {unit}"
+
+
+def control_texts(controls: Controls, scene: Scene, off: str = "off") -> dict[str, str]:
+    """Return the controls as texts with units, by name; off: epsilon of a scene without XSPH."""
+    epsilon = f"{controls.xsph:.2f}" if scene.effects.xsph else off
+    return {
+        "dt": with_unit(controls.dt, TIMES),
+        "stiffness": with_unit(controls.stiffness, PRESSURES),
+        "xsph": epsilon if math.isfinite(controls.xsph) else UNKNOWN,
+    }
 
 
 def clock(time: float, frame: float) -> str:
@@ -161,22 +180,13 @@ def draw_color_bar(
         lettering.draw(surface, text, middle, bar_top + bar_height + 4, align=0.5)
 
 
-def _epsilon(xsph: float, scene: Scene) -> str:
-    if not math.isfinite(xsph):
-        return UNKNOWN
-    return f"{xsph:.2f}" if scene.effects.xsph else "off"
-
-
 def draw_controls(
     surface: "Surface", layout: Layout, sim: Shown, names: Lettering, values: Lettering
 ) -> int:
     """Draw dt, sound speed and xsph, each at a fixed place; return the rows that they took."""
-    dt, _, xsph = sim.controls
-    shown = {
-        "dt": seconds(dt) if math.isfinite(dt) else UNKNOWN,
-        "c": f"{significant(sim.sound_speed)} m/s" if math.isfinite(sim.sound_speed) else UNKNOWN,
-        "xsph": _epsilon(xsph, sim.scene),
-    }
+    texts = control_texts(sim.controls, sim.scene)
+    sound_speed = with_unit(sim.sound_speed, {"m/s": 1.0})
+    shown = {"dt": texts["dt"], "c": sound_speed, "xsph": texts["xsph"]}
     left, top, width, _ = layout.footer
     n_rows = control_rows(width, layout.em)
     n_columns = -(-len(shown) // n_rows)

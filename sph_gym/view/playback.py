@@ -2,19 +2,18 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sph_gym.solver.scene import Fluid, Scene
 from sph_gym.solver.state import Controls
-from sph_gym.view.history import MEASURES
+from sph_gym.trajectory import Trajectory
+from sph_gym.view.history import MEASURES, History
 from sph_gym.view.layout import SPLASH, View, view_bounds
 from sph_gym.view.nearby import surroundings
-from sph_gym.view.state import Still
+from sph_gym.view.state import Array, Still
 
-Array = NDArray[Any]
 # Where a recording doesn't tell: support radius [dx], density at rest [kg/m^3], and the sound speed
 # as a multiple of the largest speed.
 SUPPORT, REST_DENSITY, SOUND = 2.6, 1000.0, 10.0
@@ -23,32 +22,8 @@ SUPPORT, REST_DENSITY, SOUND = 2.6, 1000.0, 10.0
 TAIL, FAR = 0.05, 1.0
 
 
-class Frames(Protocol):
-    """The arrays of a recording, as `sph_gym.trajectory.Trajectory` has them."""
-
-    @property
-    def times(self) -> Array:
-        """(n_frames,) [s]."""
-
-    @property
-    def controls(self) -> Array:
-        """(n_frames, 3) dt [s], stiffness [Pa] and xsph."""
-
-    @property
-    def fields(self) -> dict[str, Array]:
-        """x, v and others by name, (n_frames, n_particles[, 2])."""
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """Description of the recording, as it gives it itself."""
-
-    @property
-    def gauges(self) -> dict[str, Array]:
-        """Values of gauges over time, (n_frames, 1 or 2)."""
-
-
 class Recording:
-    """The moments of a recording, a `Source`.
+    """The moments of a recording: a `Source`.
 
     frames: of any solver; what it doesn't tell about the scene (spacing, support, density at rest,
     speed of sound) is estimated from the particles, and `estimated` names it.
@@ -56,7 +31,7 @@ class Recording:
     Raises ValueError for a recording without moments, positions or velocities.
     """
 
-    def __init__(self, frames: Frames) -> None:
+    def __init__(self, frames: Trajectory) -> None:
         fields = frames.fields
         for name in ("x", "v"):
             if name not in fields:
@@ -217,3 +192,7 @@ def _typical(values: Array, share: float = 0.5) -> float:
     """Return a quantile of the finite values above zero, 1 if there are none."""
     finite = values[np.isfinite(values) & (values > 0)]
     return float(np.quantile(finite, share)) if finite.size else 1.0
+
+
+# Moments that can be shown one after the other.
+Source = History | Recording

@@ -1,15 +1,14 @@
 """The panel of the controls: sliders for dt, stiffness and epsilon, with what is still stable."""
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.solver.stepping import COURANT
 from sph_gym.view.colors import ARROW, EDGE, INK, MUTED, RULE
 from sph_gym.view.layout import Area
-from sph_gym.view.overlays import UNKNOWN, seconds, significant
+from sph_gym.view.overlays import control_texts
 from sph_gym.view.state import Shown
 from sph_gym.view.toolkit import Lettering, load
 
@@ -24,6 +23,7 @@ XSPH_LIMIT = 1.0
 ROW, TRACK_TOP, KNOB = 3.3, 2.0, 0.42
 # Height of a row without a track.
 SHORT = 1.5
+OFF = "off: the scene has no XSPH"
 
 
 class Slider(NamedTuple):
@@ -132,7 +132,8 @@ class ControlPanel:
             for k, slider in enumerate(self._sliders):
                 self._draw_slider(surface, k, slider, state, stable[slider.name])
         else:
-            for k, (name, text) in enumerate(_texts(state.controls, state.scene).items()):
+            texts = control_texts(state.controls, state.scene, OFF)
+            for k, (name, text) in enumerate(texts.items()):
                 self._draw_text(surface, k * SHORT / ROW, name, text)
 
     def _draw_text(self, surface: "Surface", k: float, name: str, text: str) -> tuple[float, float]:
@@ -146,7 +147,7 @@ class ControlPanel:
     ) -> None:
         pygame, em = load(), self._em
         value = getattr(sim.controls, slider.name)
-        text = _texts(sim.controls, sim.scene)[slider.name]
+        text = control_texts(sim.controls, sim.scene, OFF)[slider.name]
         end, y = self._draw_text(surface, k, slider.name, text)
         left, track, width, _ = self._track(k)
         pygame.draw.line(surface, EDGE, (left, track), (left + width, track), 2)
@@ -158,36 +159,10 @@ class ControlPanel:
         if x < left + width:
             pygame.draw.line(surface, ARROW, (x, track), (left + width, track), 2)
         pygame.draw.line(surface, ARROW, (x, track - round(0.5 * em)), (x, track + em // 2), 2)
-        limits_ = _texts(Controls(limit, limit, limit), sim.scene)
+        end_of_stable = control_texts(Controls(limit, limit, limit), sim.scene)[slider.name]
         words = "beyond" if letters is self._alarm else "stable to"
-        words = f"{words} {limits_[slider.name]}"
-        room = left + width - end - em
-        letters.draw(surface, letters.fitted(words, room), left + width, y, align=1.0)
+        text = letters.fitted(f"{words} {end_of_stable}", left + width - end - em)
+        letters.draw(surface, text, left + width, y, align=1.0)
         knob = left + width * slider.share(value)
         pygame.draw.circle(surface, INK, (knob, track + 1), round(KNOB * em))
         pygame.draw.circle(surface, RULE, (knob, track + 1), max(round(KNOB * em) - 3, 1))
-
-
-def _texts(controls: Any, scene: Scene) -> dict[str, str]:
-    """Return the controls as texts with units, by name."""
-    dt, stiffness, xsph = controls
-    return {
-        "dt": seconds(dt) if math.isfinite(dt) else UNKNOWN,
-        "stiffness": _pascal(stiffness),
-        "xsph": _epsilon(xsph, scene),
-    }
-
-
-def _epsilon(xsph: float, scene: Scene) -> str:
-    if not math.isfinite(xsph):
-        return UNKNOWN
-    return f"{xsph:.2f}" if scene.effects.xsph else "off: the scene has no XSPH"
-
-
-def _pascal(value: float) -> str:
-    if not math.isfinite(value):
-        return UNKNOWN
-    for unit, size in (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3)):
-        if value >= 0.9995 * size:
-            return f"{significant(value / size)} {unit}"
-    return f"{significant(value)} Pa"

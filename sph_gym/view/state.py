@@ -1,9 +1,8 @@
 """States that can be shown: a running simulation, or one moment of a recording."""
 
 import math
-from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,61 +11,11 @@ from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
 from sph_gym.solver.warnings import Warning
-from sph_gym.view.nearby import OPEN, Periods, Surroundings, surroundings
+from sph_gym.view.nearby import Periods, Surroundings, surroundings
 
 Array = NDArray[Any]
-# Columns of a state that a recording may lack.
-OPTIONAL = ("rho", "p", "a")
-
-
-class Shown(Protocol):
-    """A state that can be shown, as `Simulation` and `Still` have it; fluid comes first in arrays.
-
-    x, v, a: (n, 2) [m], [m/s], [m/s^2]; rho, p: (n,) [kg/m^3], [Pa]; time [s].
-    """
-
-    @property
-    def n_fluid(self) -> int:
-        """Number of fluid particles."""
-
-    @property
-    def x(self) -> Array:
-        """Positions."""
-
-    @property
-    def v(self) -> Array:
-        """Velocities."""
-
-    @property
-    def rho(self) -> Array:
-        """Densities."""
-
-    @property
-    def p(self) -> Array:
-        """Pressures."""
-
-    @property
-    def a(self) -> Array:
-        """Accelerations."""
-
-    @property
-    def controls(self) -> Controls:
-        """Time step, stiffness and epsilon; NaN where they are not known."""
-
-    @property
-    def sound_speed(self) -> float:
-        """Sound speed [m/s], NaN if it is not known."""
-
-    @property
-    def neighbor_counts(self) -> Array:
-        """Number of others within the support of each fluid particle."""
-
-    @property
-    def warnings(self) -> Sequence[Warning]:
-        """Oddities of the run."""
-
-    scene: Scene
-    time: float
+# Columns of a state; a recording may lack the last three.
+COLUMNS = ("x", "v", "rho", "p", "a")
 
 
 class Still:
@@ -83,17 +32,17 @@ class Still:
         self, scene: Scene, time: float, columns: dict[str, Array], n_fluid: int, controls: Controls
     ) -> None:
         self.scene, self.time, self.n_fluid, self.controls = scene, time, n_fluid, controls
-        self._columns = columns
+        self.columns = columns
 
     @property
     def x(self) -> Array:
         """(n, 2) positions [m]."""
-        return self._columns["x"]
+        return self.columns["x"]
 
     @property
     def v(self) -> Array:
         """(n, 2) velocities [m/s]."""
-        return self._columns["v"]
+        return self.columns["v"]
 
     @property
     def rho(self) -> Array:
@@ -111,14 +60,9 @@ class Still:
         return self._recorded("a", "accelerations")
 
     def _recorded(self, name: str, meaning: str) -> Array:
-        if name not in self._columns:
+        if name not in self.columns:
             raise ValueError(f"{name}: the recording has no {meaning}")
-        return self._columns[name]
-
-    @property
-    def has(self) -> frozenset[str]:
-        """Names of the columns that were recorded."""
-        return frozenset(self._columns)
+        return self.columns[name]
 
     @property
     def sound_speed(self) -> float:
@@ -138,9 +82,13 @@ class Still:
         return self.surroundings.counts
 
 
+# A state that can be shown; fluid comes first in its arrays.
+Shown = Simulation | Still
+
+
 def columns_of(state: Shown) -> frozenset[str]:
     """Return which columns the state has: all of a simulation, those recorded of a recording."""
-    return state.has if isinstance(state, Still) else frozenset(("x", "v", *OPTIONAL))
+    return frozenset(state.columns if isinstance(state, Still) else COLUMNS)
 
 
 def spacings(state: Shown) -> Array:
@@ -149,14 +97,10 @@ def spacings(state: Shown) -> Array:
         spacing = np.empty(state.n_fluid)
         spacing[state.engine.fluid.id] = np.sqrt(state.engine.nearest_and_count()[0])
         return spacing / state.scene.dx
-    assert isinstance(state, Still)
     return state.surroundings.nearest / state.scene.dx
 
 
 def periods(scene: Scene) -> Periods:
     """Return the lengths [m] after which space closes upon itself in x and y."""
-    if scene.walls is None:
-        return OPEN
-    ends = (scene.walls.period_x, scene.walls.period_y)
-    x, y = (math.inf if each is None else each[1] - each[0] for each in ends)
+    x, y = (math.inf if ends is None else ends[1] - ends[0] for ends in scene.periods)
     return x, y

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sph_gym.view.colors import ARROW, DOMAIN, INK, MUTED, RULE, VELOCITY
-from sph_gym.view.history import Source
 from sph_gym.view.layout import Area
 from sph_gym.view.overlays import significant
+from sph_gym.view.playback import Source
 from sph_gym.view.state import Array
 from sph_gym.view.toolkit import Lettering, load
 

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 from sph_gym.view.colors import EDGE, INK, MUTED, RULE
-from sph_gym.view.history import Source
 from sph_gym.view.layout import Area
+from sph_gym.view.playback import Source
 from sph_gym.view.toolkit import Lettering, load
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ import os
 import threading
 from functools import lru_cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 OVERSAMPLED = 8
 # pygame's own font is given a size that is scaled by this to get at the em.
 FONT_SCALE = 0.6875
-# Number of drawn texts that are kept: most of them stand there for a whole run.
-KEPT = 2000
+# Number of texts and of glyphs that are kept: most of them stand there for a whole run.
+KEPT = 5000
 GREETING = "PYGAME_HIDE_SUPPORT_PROMPT"
 
 _font_lock = threading.Lock()
@@ -50,7 +50,7 @@ def _thinned(mask: NDArray[np.float32], times: int) -> NDArray[np.float32]:
     return mask
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=KEPT)
 def _glyph(char: str, em: int, bold: bool) -> tuple[NDArray[np.float32], float]:
     """Return the coverage (w, h) of a glyph, oversampled, and its advance [pixels]."""
     pygame = load()
@@ -67,27 +67,19 @@ def _glyph(char: str, em: int, bold: bool) -> tuple[NDArray[np.float32], float]:
     return _thinned(mask, max(1, OVERSAMPLED * em // 65) if regular else 0), advance
 
 
-class Lettering:
+class Lettering(NamedTuple):
     """Text of one size, weight and colour.
 
-    em: size [pixels]; bold: heavy strokes. Glyphs are kept, so that text is cheap to redraw.
+    em: size [pixels]; bold: heavy strokes. What was drawn is kept, so that text is cheap to redraw.
     """
 
-    def __init__(self, em: int, color: Rgb, bold: bool = False) -> None:
-        self.em = em
-        self.color = color
-        self.bold = bold
-        self._sprites: dict[tuple[str, int], Surface] = {}
-        self._widths: dict[str, float] = {}
-        self._placed: dict[tuple[str, float], list[tuple[Surface, int]]] = {}
+    em: int
+    color: Rgb
+    bold: bool = False
 
     def width(self, text: str) -> float:
         """Return the width of the text [pixels]."""
-        if text not in self._widths:
-            if len(self._widths) >= KEPT:
-                self._widths.clear()
-            self._widths[text] = sum(_glyph(char, self.em, self.bold)[1] for char in text)
-        return self._widths[text]
+        return _width(text, self.em, self.bold)
 
     def fitted(self, text: str, room: float) -> str:
         """Return the text, cut off with an ellipsis if it is wider than `room` [pixels]."""
@@ -104,37 +96,37 @@ class Lettering:
         """
         pen = x - align * self.width(text)
         start, top = math.floor(pen), round(y)
-        line = self._line(text, pen - start)
+        line = _line(text, pen - start, self)
         surface.fblits([(glyph, (start + offset, top)) for glyph, offset in line])
         return pen + self.width(text)
 
-    def _line(self, text: str, pen: float) -> "list[tuple[Surface, int]]":
-        """Return the glyphs of a text that begins at a part of a pixel, and their places."""
-        key = text, pen
-        if key not in self._placed:
-            if len(self._placed) >= KEPT:
-                self._placed.clear()
-            self._placed[key] = placed = []
-            for char in text:
-                whole, part = divmod(round(pen * OVERSAMPLED), OVERSAMPLED)
-                placed.append((self._sprite(char, part), whole))
-                pen += _glyph(char, self.em, self.bold)[1]
-        return self._placed[key]
 
-    def _sprite(self, char: str, part: int) -> "Surface":
-        key = char, part
-        if key not in self._sprites:
-            self._sprites[key] = self._make_sprite(char, part)
-        return self._sprites[key]
+@lru_cache(maxsize=KEPT)
+def _width(text: str, em: int, bold: bool) -> float:
+    return sum(_glyph(char, em, bold)[1] for char in text)
 
-    def _make_sprite(self, char: str, part: int) -> "Surface":
-        mask, _ = _glyph(char, self.em, self.bold)
-        width = -(-(mask.shape[0] + part) // OVERSAMPLED)
-        height = -(-mask.shape[1] // OVERSAMPLED)
-        shifted = np.zeros((width * OVERSAMPLED, height * OVERSAMPLED), np.float32)
-        shifted[part : part + mask.shape[0], : mask.shape[1]] = mask
-        alpha = shifted.reshape(width, OVERSAMPLED, height, OVERSAMPLED).mean(axis=(1, 3))
-        return sprite(np.broadcast_to(self.color, (width, height, 3)), alpha)
+
+@lru_cache(maxsize=KEPT)
+def _line(text: str, pen: float, style: Lettering) -> "list[tuple[Surface, int]]":
+    """Return the glyphs of a text that begins at a part of a pixel, and their places."""
+    placed = []
+    for char in text:
+        whole, part = divmod(round(pen * OVERSAMPLED), OVERSAMPLED)
+        placed.append((_glyph_sprite(char, part, style), whole))
+        pen += _glyph(char, style.em, style.bold)[1]
+    return placed
+
+
+@lru_cache(maxsize=KEPT)
+def _glyph_sprite(char: str, part: int, style: Lettering) -> "Surface":
+    """Return a glyph that begins so many large pixels after a whole one."""
+    mask, _ = _glyph(char, style.em, style.bold)
+    width = -(-(mask.shape[0] + part) // OVERSAMPLED)
+    height = -(-mask.shape[1] // OVERSAMPLED)
+    shifted = np.zeros((width * OVERSAMPLED, height * OVERSAMPLED), np.float32)
+    shifted[part : part + mask.shape[0], : mask.shape[1]] = mask
+    alpha = shifted.reshape(width, OVERSAMPLED, height, OVERSAMPLED).mean(axis=(1, 3))
+    return sprite(np.broadcast_to(style.color, (width, height, 3)), alpha)
 
 
 def sprite(rgb: NDArray[Any], alpha: NDArray[Any]) -> "Surface":

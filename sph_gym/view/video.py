@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.extras import needs_extra
-from sph_gym.files import atomic_write, in_folder
+from sph_gym.files import atomic_write, target_path
 from sph_gym.solver.checks import positive
 from sph_gym.view.colors import PAGE, RULE
 from sph_gym.view.layout import even
@@ -41,21 +41,13 @@ def write_video(
     shapes, and for fps <= 0; FileNotFoundError if there is no such directory; ImportError that
     names the extra to install if imageio is missing.
     """
-    target = video_target(path)
+    target = target_path("path", path, ENDINGS)
     fps = positive("fps", fps)
     with atomic_write(target) as draft:
         if target.suffix.lower() == ".gif":
             _write_gif(draft, _checked(frames), fps)
         else:
             _write_mp4(draft, _checked(frames), fps, bitrate)
-
-
-def video_target(path: str | os.PathLike[str], name: str = "path") -> Path:
-    """Return the path of a film, or raise what `write_video` raises for it; name: for messages."""
-    target = Path(path)
-    if target.suffix.lower() not in ENDINGS:
-        raise ValueError(f"{name}: expected a name ending in {' or '.join(ENDINGS)}, got {path!r}")
-    return in_folder(name, target)
 
 
 def side_by_side(frames: Sequence[Picture]) -> Picture:

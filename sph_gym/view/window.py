@@ -13,9 +13,10 @@ from sph_gym.view.desk import furnish
 from sph_gym.view.display import Display
 from sph_gym.view.film import Film, free_path
 from sph_gym.view.frames import Painter, as_array
-from sph_gym.view.history import History, Numbers, Source, Steer, Substeps
+from sph_gym.view.history import History, Numbers, Steer, Substeps
 from sph_gym.view.layout import View
 from sph_gym.view.marks import draw_cells, draw_picked, particle_at
+from sph_gym.view.playback import Source
 from sph_gym.view.sliders import ControlPanel
 from sph_gym.view.state import columns_of
 from sph_gym.view.strips import Strips

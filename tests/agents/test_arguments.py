@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.arguments import launch, option, parse
+from agents.arguments import launch, make_parser, option, parse
 
 
 @dataclass
@@ -19,7 +19,7 @@ class Example:
 
 
 def read(*words):
-    return parse(Example, "An example.", list(words))
+    return parse(make_parser(Example, "An example."), Example, list(words))
 
 
 @dataclass

@@ -1,6 +1,6 @@
 import pytest
 
-from agents.arguments import parse
+from agents.arguments import make_parser
 from agents.evaluate import EvaluationArgs
 from agents.record import RecordingArgs, main
 from sph_gym.env.instances import SIZES
@@ -21,7 +21,7 @@ def test_an_agent_leaves_a_dataset(tmp_path, monkeypatch, capsys):
 def test_the_help_names_all_sets_of_instances(kind, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "200")
     with pytest.raises(SystemExit):
-        parse(kind, "", ["--help"])
+        make_parser(kind, "").parse_args(["--help"])
     assert f"{', '.join(list(SIZES)[:-1])} or {list(SIZES)[-1]}" in capsys.readouterr().out
 
 

@@ -15,8 +15,7 @@ import yaml
 from stable_baselines3 import PPO
 
 from agents import cards, entries, ppo, scores, training
-from agents.arguments import parse
-from agents.checkpoints import newest_checkpoint
+from agents.arguments import make_parser, parse
 from agents.exports import checked_export, plain_network
 from agents.imitation import ImitationArgs, perceptron
 from agents.policies import Spec, build
@@ -68,10 +67,10 @@ def test_train_export_resume(tmp_path, small, algorithm):
         train(arguments)
     arguments.trust_checkpoints = True
     # killed while it wrote the newest
-    torn = newest_checkpoint(path).with_name(f"{algorithm}_999999_steps.zip")
+    torn = training.newest_checkpoint(path).with_name(f"{algorithm}_999999_steps.zip")
     torn.write_bytes(b"PK half of it")
     train(arguments)
-    assert newest_checkpoint(path).exists()
+    assert training.newest_checkpoint(path).exists()
     assert list((path / "tensorboard").rglob("events*"))
     # the second run goes on with the curve of the first, and validates at its end
     curve = pd.read_csv(path / "validation.csv")
@@ -96,7 +95,7 @@ def test_a_checkpoint_torn_within_one_of_its_archives_is_left_out(tmp_path):
     os.utime(whole, (0, 0))
     # its end is that of the inner one
     assert zipfile.is_zipfile(torn)
-    assert newest_checkpoint(tmp_path) == whole
+    assert training.newest_checkpoint(tmp_path) == whole
 
 
 def test_hyperparameters_within_groups_are_replaced():
@@ -109,7 +108,7 @@ def test_hyperparameters_within_groups_are_replaced():
 
 def test_nothing_to_resume_is_said(tmp_path):
     with pytest.raises(FileNotFoundError, match="nothing to resume"):
-        newest_checkpoint(tmp_path)
+        training.newest_checkpoint(tmp_path)
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "ppo_lagrangian", "ppo_warm", "sac", "dqn"])
@@ -284,10 +283,12 @@ def test_wrong_arguments_are_named_before_anything_is_played(wrong, message):
 def test_the_commands_of_cards_are_understood():
     for name in names():
         program, *words = load(name).card["command"].split("python -m agents.")[1].split()
+        kinds = {"ppo_warm": WarmArgs, "rollout": RolloutArgs}
+        kind = kinds.get(program, training.TrainingArgs)
+        args = parse(make_parser(kind, None), kind, words)
         if program == "rollout":
-            mode = parse(RolloutArgs, None, words).settings.action_mode
+            mode = args.settings.action_mode
         else:
-            args = parse({"ppo_warm": WarmArgs}.get(program, training.TrainingArgs), None, words)
             mode = training.Training(program, args, ppo.export).action_mode
         assert mode == load(name).network.action.partition(" ")[0]
 

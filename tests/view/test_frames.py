@@ -12,7 +12,7 @@ import pytest
 from sph_gym import Simulation, scenes
 from sph_gym.solver.warnings import Warning
 from sph_gym.view import Painter, colors
-from sph_gym.view.overlays import arrow_carriers, arrow_unit, seconds, significant
+from sph_gym.view.overlays import TIMES, arrow_carriers, arrow_unit, significant, with_unit
 from sph_gym.view.particles import Discs
 from sph_gym.view.toolkit import Lettering
 from tests.view.conftest import user_scene
@@ -163,7 +163,7 @@ def test_discs_have_their_area_and_their_centre(diameter):
     ],
 )
 def test_time_steps_have_a_unit_that_suits_them(dt, text):
-    assert seconds(dt) == text
+    assert with_unit(dt, TIMES) == text
 
 
 def test_numbers_keep_their_significant_digits():

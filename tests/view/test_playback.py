@@ -10,7 +10,7 @@ from sph_gym.doctor.plain import make
 from sph_gym.trajectory import Recorder, Trajectory
 from sph_gym.view import Painter, Recording
 from sph_gym.view.colors import QUANTITIES, available
-from sph_gym.view.state import Still
+from sph_gym.view.state import Still, columns_of
 
 
 def frames(n=6, side=5, **changes):
@@ -156,7 +156,7 @@ def test_what_watch_wrote_is_opened(tmp_path):
     recording = Recording(trajectory.read(tmp_path / "last.npz"))
     assert (recording.n, recording.unit) == (100, "step")
     assert recording.tripped["particle"] == 5
-    assert "a" in recording.state.has
+    assert "a" in columns_of(recording.state)
     assert recording.scene.h == start.h
     assert "c0" not in recording.estimated
 

@@ -118,11 +118,8 @@ def orders(results: Sequence[Validated]) -> Iterator[Row]:
 
 def run(name: str, arguments: dict[str, Any], folder: Path, again: bool = False) -> Validated:
     """Return one run, from the folder if it is there and not asked for `again`."""
-    store, key = results(folder), run_key(name, arguments)
-    stored = None if again else store.load(key)
-    if stored is None:
-        stored = store.save(key, _run(name, arguments)._asdict())
-    return Validated.from_json(stored)
+    key, compute = run_key(name, arguments), lambda: _run(name, arguments)._asdict()
+    return results(folder).get(key, compute, Validated.from_json, again)
 
 
 def results(folder: Path) -> Results:

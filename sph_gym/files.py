@@ -141,6 +141,12 @@ def atomic_write(path: str | os.PathLike[str], make_folder: bool = True) -> Iter
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file in UTF-8; make the folder if need be."""
+    with atomic_write(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
 def write_csv(
     path: str | os.PathLike[str],
     columns: Sequence[str],

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.extras import needs_extra
-from sph_gym.files import atomic_write, target_path
+from sph_gym.files import atomic_write, target_path, write_text
 from sph_gym.provenance import VERSION
 from sph_gym.solver.checks import instance_of, known, path_of
 from sph_gym.solver.gauges import Gauge
@@ -281,8 +281,7 @@ def _write_vtk(path: Path, constants: Arrays) -> Iterator[Append]:
         place = quoteattr(f"{folder.name}/{name}")
         lines.append(f'<DataSet timestep="{float(frame["times"])!r}" file={place}/>\n')
         _append_gauges(folder / "gauges.csv", frame, first=not lines[1:])
-        with atomic_write(path) as draft:
-            draft.write_text(INDEX.format("".join(lines)), encoding="utf-8")
+        write_text(path, INDEX.format("".join(lines)))
 
     yield append
 

@@ -1,4 +1,6 @@
 import csv
+import importlib
+import inspect
 import json
 import os
 import shlex
@@ -12,7 +14,6 @@ from sph_gym import Simulation, studies, trajectory
 from sph_gym.__main__ import main
 from sph_gym.command_line import INTERRUPTED, PIPE_CLOSED
 from sph_gym.command_line.parser import FAILED, WRONG
-from sph_gym.command_line.study import STUDIES
 from sph_gym.extras import progress_bar
 from sph_gym.readings import Readings
 from sph_gym.scenes import droplet
@@ -160,8 +161,12 @@ def test_without_any_output_a_command_still_runs():
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_the_help_names_every_study():
-    assert tuple(studies.names()) == STUDIES
+@pytest.mark.parametrize("name", studies.STUDIES)
+def test_the_list_says_what_every_study_takes(name):
+    study = importlib.import_module(f"sph_gym.studies.{name}")
+    _, *takes = inspect.signature(study.measure).parameters
+    assert sorted(takes) == sorted(studies.STUDIES[name])
+    assert hasattr(study, "names") == ("chosen" in takes)
 
 
 def test_run_tells_each_warning_once_and_all_at_the_end(capsys, monkeypatch):

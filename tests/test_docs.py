@@ -137,7 +137,7 @@ def test_every_command_knows_its_options(command):
 def test_every_name_in_a_command_exists(command):
     words = shlex.split(command)[2:]
     if words[:2] == ["sph_gym", "study"] and len(words) > 2:
-        assert words[2] in (*studies.names(), "NAME")
+        assert words[2] in (*studies.STUDIES, "NAME")
     if words[:2] in (["sph_gym", "run"], ["sph_gym", "recommend"]) and len(words) > 2:
         assert words[2] in {*scenes.names(), *NEW, "SCENE"}
     if "--scene" in words:
@@ -181,7 +181,7 @@ def test_every_recommendation_is_made(command):
 
 
 def test_every_study_has_its_command():
-    assert {command.split()[4] for command in of("sph_gym study")} == set(studies.names())
+    assert {command.split()[4] for command in of("sph_gym study")} == set(studies.STUDIES)
 
 
 @pytest.mark.parametrize("target", TARGETS)

@@ -8,22 +8,7 @@ from typing import Any
 from sph_gym import scenes
 from sph_gym.command_line.outcome import Outcome
 from sph_gym.command_line.parser import add_command, completed
-
-# Known here too, since it takes long to import the studies.
-BACKENDS = ("local", "ray", "dask")
-STUDIES = (
-    "startup",
-    "validation",
-    "throughput",
-    "effects",
-    "headroom",
-    "exploits",
-    "soak",
-    "stability",
-    "accuracy",
-    "doctor",
-    "overhead",
-)
+from sph_gym.studies import BACKENDS, STUDIES, run_study, that_take
 
 
 def add(commands: Any) -> None:
@@ -39,26 +24,27 @@ def add(commands: Any) -> None:
         ),
     )
     add = study.add_argument
-    completed(add("name", help=", ".join(STUDIES)), STUDIES)
+    peers, by_scene, anywhere = (", ".join(that_take(o)) for o in ("peers", "chosen", "backend"))
+    completed(add("name", help=", ".join(STUDIES)), [*STUDIES])
     add("--quick", action="store_true", help="coarser and sooner")
-    add("--peers", metavar="PATH", help="throughput, accuracy: folder of a script to race against")
+    add("--peers", metavar="PATH", help=f"{peers}: folder of a script to race against")
     add("--peers-python", metavar="PYTHON", default=sys.executable, help="what runs that script")
-    only = add("--scenes", nargs="+", metavar="SCENE", help="validation, accuracy: only these")
+    only = add("--scenes", nargs="+", metavar="SCENE", help=f"{by_scene}: only these")
     completed(only, scenes.names())
     text = "validation: anew what was done before; accuracy: its times"
     add("--again", action="store_true", help=text)
     text = "accuracy: run one kept point again; a hash of points.csv"
     add("--point", metavar="KEY", help=text)
     add("--output", default="runs/studies", help="folder of the CSV file")
-    text = "headroom, exploits, stability, accuracy, overhead: where runs go"
-    completed(add("--backend", help=f"{text}: {', '.join(BACKENDS)}"), BACKENDS)
+    text = f"{anywhere}: where runs go: {', '.join(BACKENDS)}"
+    completed(add("--backend", help=text), BACKENDS)
     add("--address", help="of a running cluster of Ray or Dask")
     add("--workers", type=int, help="side by side on this machine; by default one a processor")
 
 
 def _study(options: argparse.Namespace) -> Outcome:
-    from sph_gym.studies import Peers, run_study
     from sph_gym.studies.backends import Backend
+    from sph_gym.studies.peers import Peers
 
     if options.point is not None:
         if options.name != "accuracy":

@@ -1,69 +1,49 @@
 """Studies: commands that measure something, print a table and write it as CSV."""
 
-import inspect
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sph_gym.solver.checks import known
-from sph_gym.studies import (
-    accuracy,
-    doctor,
-    effects,
-    exploits,
-    headroom,
-    machine,
-    overhead,
-    soak,
-    stability,
-    startup,
-    throughput,
-    validation,
-)
-from sph_gym.studies.backends import Backend
-from sph_gym.studies.peers import Peers
 from sph_gym.studies.table import Row, show, write
 
-_STUDIES: dict[str, Callable[..., Iterable[Row]]] = {
-    "startup": startup.measure,
-    "validation": validation.measure,
-    "throughput": throughput.measure,
-    "effects": effects.measure,
-    "headroom": headroom.measure,
-    "exploits": exploits.measure,
-    "soak": soak.measure,
-    "stability": stability.measure,
-    "accuracy": accuracy.measure,
-    "doctor": doctor.measure,
-    "overhead": overhead.measure,
+if TYPE_CHECKING:
+    from sph_gym.studies.backends import Backend
+    from sph_gym.studies.peers import Peers
+
+# Studies, each a module of this package, and what their `measure` takes besides `quick`. Those that
+# take scenes ("chosen") have `names`; those that print or draw something in the end have `finish`.
+STUDIES: dict[str, tuple[str, ...]] = {
+    "startup": (),
+    "validation": ("folder", "chosen", "again"),
+    "throughput": ("peers",),
+    "effects": (),
+    "headroom": ("folder", "backend"),
+    "exploits": ("folder", "backend"),
+    "soak": ("folder",),
+    "stability": ("folder", "backend"),
+    "accuracy": ("folder", "chosen", "again", "peers", "backend"),
+    "doctor": (),
+    "overhead": ("backend",),
 }
-# Studies that can be limited to some scenes, and the scenes that they know.
-_BY_SCENE: dict[str, Callable[[], list[str]]] = {
-    "validation": validation.with_reference,
-    "accuracy": accuracy.names,
-}
-# Studies that draw or print something after their table.
-_FINISH: dict[str, Callable[[list[Row], Path], None]] = {
-    "throughput": throughput.finish,
-    "headroom": headroom.finish,
-    "exploits": headroom.explain,
-    "doctor": doctor.finish,
-}
+# Where runs may go: see `backends`.
+BACKENDS = ("local", "ray", "dask")
 
 
-def names() -> list[str]:
-    """Return the studies that `run_study` knows."""
-    return list(_STUDIES)
+def that_take(option: str) -> list[str]:
+    """Return the names of the studies that take an option."""
+    return [name for name, options in STUDIES.items() if option in options]
 
 
 def run_study(
     name: str,
     quick: bool = False,
     folder: str | Path = "runs/studies",
-    peers: Peers | None = None,
+    peers: "Peers | None" = None,
     chosen: Sequence[str] | None = None,
     again: bool = False,
-    backend: Backend | None = None,
+    backend: "Backend | None" = None,
 ) -> int:
     """Run a study, print its table, write `folder`/NAME.csv and, on the machine, NAME.json.
 
@@ -75,39 +55,37 @@ def run_study(
     Returns 1 if a row misses its bound, else 0. Raises ValueError that lists the known studies,
     and for options of another study.
     """
-    study = _STUDIES[known("study", name, _STUDIES)]
-    place = Path(folder)
-    options: dict[str, Any] = {"folder": place} if _takes(name, "folder") else {}
+    takes = STUDIES[known("study", name, STUDIES)]
     asked = None if backend is None else backend.checked()
-    for option, value in (
-        ("peers", peers), ("chosen", chosen), ("again", again), ("backend", asked),
-    ):  # fmt: skip
-        if value and not _takes(name, option):
-            *owners, last = (other for other in _STUDIES if _takes(other, option))
+    given = {"peers": peers, "chosen": chosen, "again": again, "backend": asked}
+    options: dict[str, Any] = {option: value for option, value in given.items() if value}
+    for option in options:
+        if option not in takes:
+            *owners, last = that_take(option)
             word, listed = "scenes" if option == "chosen" else option, ", ".join(owners)
             raise ValueError(f"--{word}: only the studies {listed} and {last} have it, not {name}")
-        options |= {option: value} if value else {}
+    # each only where it is wanted: some take long to import
+    study, machine = (import_module(f"{__name__}.{module}") for module in (name, "machine"))
+    for scene in chosen or ():
+        known("scenes", scene, study.names())
+    place, stem = Path(folder), _stem(name, quick, chosen or ())
+    if "folder" in takes:
+        options["folder"] = place
     rows: list[Row] = []
-    stem = _stem(name, quick, chosen)
     machine.write(place / f"{stem}.json")
     try:
-        for row in study(quick, **options):
+        for row in study.measure(quick, **options):
             rows.append(row)
             write(rows, place / f"{stem}.csv")
     finally:
         if rows:
             show(name, rows, place / f"{stem}.csv")
-            _FINISH.get(name, lambda rows, path: None)(rows, place / f"{stem}.png")
+            if hasattr(study, "finish"):
+                study.finish(rows, place / f"{stem}.png")
     return int(any(not row.holds for row in rows))
 
 
-def _takes(name: str, option: str) -> bool:
-    return option in inspect.signature(_STUDIES[name]).parameters
-
-
-def _stem(name: str, quick: bool, chosen: Sequence[str] | None) -> str:
+def _stem(name: str, quick: bool, chosen: Sequence[str]) -> str:
     """Return the name of a study's files, so that no part of it overwrites the whole."""
-    for scene in chosen or ():
-        known("scenes", scene, _BY_SCENE[name]())
-    several = [f"{len(chosen)}_scenes"] if chosen and len(chosen) > 4 else [*(chosen or ())]
-    return "_".join([name, *several, *(["quick"] if quick else [])])
+    part = [f"{len(chosen)}_scenes"] if len(chosen) > 4 else chosen
+    return "_".join([name, *part, *(["quick"] if quick else [])])

@@ -20,6 +20,7 @@ from sph_gym.extras import needs_extra
 from sph_gym.solver.checks import known, whole
 from sph_gym.solver.jit import announce_compilation
 from sph_gym.solver.teams import most_threads
+from sph_gym.studies import BACKENDS
 
 # A job that has killed so many workers is given up.
 ATTEMPTS = 3
@@ -39,7 +40,7 @@ Submit = Callable[..., "Future[Any]"]
 class Backend(NamedTuple):
     """Where jobs run.
 
-    name: one of NAMES; address: of a running cluster of Ray or Dask, or the .json file that a
+    name: one of BACKENDS; address: of a running cluster of Ray or Dask, or the .json file that a
     scheduler of Dask has written; None to start one on this machine for as long as the jobs take;
     workers: of what is started, None for one a processor.
     """
@@ -50,7 +51,7 @@ class Backend(NamedTuple):
 
     def checked(self) -> "Backend":
         """Return this backend. Raises ValueError for an unknown name and for wrong options."""
-        known("backend", self.name, NAMES)
+        known("backend", self.name, BACKENDS)
         if self.address is not None and self.name == "local":
             raise ValueError(
                 f"address: expected none with the backend 'local', got {self.address!r}"
@@ -77,7 +78,8 @@ def open_pool(backend: Backend, most: int) -> Iterator[Submit]:
     """
     backend.checked()
     n_workers = max(min(backend.workers or most_threads(), most), 1)
-    with _POOLS[backend.name](backend.address, n_workers) as submit:
+    pool = dict(zip(BACKENDS, (_local, _ray, _dask), strict=True))[backend.name]
+    with pool(backend.address, n_workers) as submit:
         yield submit
 
 
@@ -85,7 +87,7 @@ def open_pool(backend: Backend, most: int) -> Iterator[Submit]:
 
 
 @contextmanager
-def _local(address: None, n_workers: int) -> Iterator[Submit]:
+def _local(address: str | None, n_workers: int) -> Iterator[Submit]:
     """Start one thread a worker, each with a process of its own.
 
     So a process that is killed takes no other with it: another one takes its place.
@@ -192,7 +194,3 @@ def _ray(address: str | None, n_workers: int) -> Iterator[Submit]:
 
 def _call(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments)
-
-
-_POOLS: dict[str, Callable[[Any, int], Any]] = {"local": _local, "ray": _ray, "dask": _dask}
-NAMES = tuple(_POOLS)

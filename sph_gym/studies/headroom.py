@@ -27,7 +27,7 @@ import numpy as np
 from sph_gym.env import SCENES, instances
 from sph_gym.env.oracle import COARSE, ControlSetting, Oracle, Search
 from sph_gym.files import write_csv
-from sph_gym.studies import controls, episodes, honesty
+from sph_gym.studies import controls, episodes, exploits, honesty
 from sph_gym.studies.backends import LOCAL, Backend
 from sph_gym.studies.controls import ControlGrid
 from sph_gym.studies.episodes import Score, StaticGrid, best_static, run
@@ -255,7 +255,7 @@ def write_instances(found: dict[str, list[Contest]], path: Path) -> None:
 def finish(rows: list[Row], path: Path) -> None:
     """Write the labels of scenes, and print where what is; path: of a picture."""
     print(f"instances: {path.with_name(_file(path.stem))}")
-    explain(rows, path)
+    exploits.finish(rows, path)
     found = []
     for row in rows:
         scene, _, label = row.case.partition(", ")
@@ -266,14 +266,6 @@ def finish(rows: list[Row], path: Path) -> None:
         table = path.with_name(f"{path.stem}_labels.csv")
         write_csv(table, ("scene", "headroom", "label"), found)
         print(f"labels: {table}; the pages of environments show those of FAMILY in sph_gym/scenes")
-
-
-def explain(rows: list[Row], path: Path) -> None:
-    """Print for each scene of the rows that is no benchmark why it is none."""
-    shown = {row.case.split(",")[0].split("/")[0] for row in rows}
-    for scene, reason in instances.DIAGNOSTIC.items():
-        if scene in shown:
-            print(f"{scene} is diagnostic, no benchmark: {reason}")
 
 
 def _file(stem: str) -> str:

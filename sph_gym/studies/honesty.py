@@ -81,8 +81,8 @@ def measure_references(names: list[str], n_instances: int, folder: Path) -> Iter
         for number in progress(range(n_instances), f"{name}: references", "instance"):
             instance = instances.instance(name, "val", number)
             for kind, rival in rivals(instance).items():
-                found = store.get([instance.id, kind], partial(share_within, instance, rival))
-                shares.setdefault(kind, []).append(found)
+                compute = partial(share_within, instance, rival)
+                shares.setdefault(kind, []).append(store.get([instance.id, kind], compute, float))
         for kind, values in shares.items():
             bound = None if name in instances.DIAGNOSTIC else WITHIN
             quantity = f"within tolerance of the reference: {kind}"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from sph_gym.files import atomic_write
+from sph_gym.files import write_text
 from sph_gym.solver import target
 from sph_gym.solver.teams import most_threads
 
@@ -43,5 +43,4 @@ def write(path: Path) -> None:
     description = describe()
     for name, value in description.items():
         print(f"{name}: {value}")
-    with atomic_write(path) as draft:
-        draft.write_text(json.dumps(description, indent=2) + "\n")
+    write_text(path, json.dumps(description, indent=2) + "\n")

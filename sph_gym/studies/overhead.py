@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from sph_gym.studies.backends import NAMES, Backend
+from sph_gym.studies import BACKENDS
+from sph_gym.studies.backends import Backend
 from sph_gym.studies.jobs import run_jobs
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
@@ -26,7 +27,7 @@ def measure(quick: bool = False, backend: Backend | None = None) -> Iterator[Row
     """
     if backend is not None and backend.address is not None:
         raise ValueError(f"address: expected none, got {backend.address!r}")
-    for each in map(Backend, NAMES) if backend is None else (backend,):
+    for each in map(Backend, BACKENDS) if backend is None else (backend,):
         yield from _sweep(each, QUICK_RUNS if quick else RUNS)
 
 

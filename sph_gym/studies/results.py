@@ -8,16 +8,22 @@ import json
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_origin
+from typing import Any, TypeVar, get_origin
 
 import numpy as np
 
-from sph_gym.files import atomic_write
+from sph_gym.files import atomic_write, write_text
 from sph_gym.provenance import content_hash, source_hash
 from sph_gym.solver import jit
 
+Result = TypeVar("Result")
+
 # Every result depends on these parts of the package.
 COMMON = ("solver", "scenes", "env", "controllers")
+
+
+def _as_it_is(stored: Any) -> Any:
+    return stored
 
 
 class Results:
@@ -35,38 +41,39 @@ class Results:
         """Return the file of the result of `key`, any value that JSON can hold."""
         return self.folder / f"{content_hash(self._version, key)}.json"
 
-    def load(self, key: Any, is_valid: Callable[[Any], bool] = lambda result: True) -> Any:
-        """Return the stored result as JSON has it; None if there is none that is valid."""
+    def load(self, key: Any, make: Callable[[Any], Any] = _as_it_is) -> Any:
+        """Return what `make` makes of the stored result, which is as JSON has it.
+
+        None if there is none, or if it is none that `make` takes.
+        """
         path = self.path(key)
         try:
-            stored = json.loads(path.read_text())
+            stored = json.loads(path.read_text(encoding="utf-8"))
+            if not isinstance(stored, dict) or stored.get("key") != _as_json(key):
+                raise ValueError(f"it is no result of {key}")
+            return make(stored["result"])
         except FileNotFoundError:
             return None
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, KeyError, TypeError, ArithmeticError) as error:
             warnings.warn(f"{path} can't be read and is computed again: {error}", stacklevel=2)
             return None
-        is_result = isinstance(stored, dict) and stored.keys() == {"key", "result"}
-        if not (is_result and stored["key"] == _as_json(key) and is_valid(stored["result"])):
-            warnings.warn(f"{path} is no result of {key} and is computed again", stacklevel=2)
-            return None
-        return stored["result"]
 
     def save(self, key: Any, result: Any) -> Any:
         """Store a result and return it as JSON has it. Raises OSError that names the file."""
         stored = _as_json({"key": key, "result": result})
-        with atomic_write(self.path(key)) as draft:
-            draft.write_text(json.dumps(stored))
+        write_text(self.path(key), json.dumps(stored))
         return stored["result"]
 
     def get(
         self,
         key: Any,
         compute: Callable[[], Any],
-        is_valid: Callable[[Any], bool] = lambda result: True,
-    ) -> Any:
-        """Return the result of `key`, as JSON has it; `compute` it if it is not stored."""
-        stored = self.load(key, is_valid)
-        return self.save(key, compute()) if stored is None else stored
+        make: Callable[[Any], Result] = _as_it_is,
+        again: bool = False,
+    ) -> Result:
+        """Return the result of `key` as `load` does; `compute` it if there is none, or `again`."""
+        stored: Result | None = None if again else self.load(key, make)
+        return make(self.save(key, compute())) if stored is None else stored
 
     def check_writable(self) -> None:
         """Raise OSError that names the folder if nothing can be written into it."""
@@ -79,18 +86,18 @@ class Results:
             raise OSError(error.errno, reason, str(self.folder)) from None
 
 
-def is_record(kind: Any) -> Callable[[Any], bool]:
-    """Return a check of whether stored JSON is the fields of `kind`, a NamedTuple, as a list."""
+def as_record(kind: type[Result]) -> Callable[[Any], Result]:
+    """Return what makes a `kind`, a NamedTuple, of its fields as JSON has them, or ValueError."""
     # JSON writes some floats as whole numbers, and takes True for a number of neither kind
     legal: dict[Any, set[Any]] = {float: {int, float}}
     types = [legal.get(own, {get_origin(own) or own}) for own in kind.__annotations__.values()]
 
-    def fits(result: Any) -> bool:
-        if not isinstance(result, list) or len(result) != len(types):
-            return False
-        return all(type(item) in own for item, own in zip(result, types, strict=True))
+    def make(stored: Any) -> Result:
+        if not all(type(item) in own for item, own in zip(stored, types, strict=True)):
+            raise ValueError(f"expected the fields of {kind.__name__}, got {stored}")
+        return kind(*stored)
 
-    return fits
+    return make
 
 
 def _as_json(value: Any) -> Any:

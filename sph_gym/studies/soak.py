@@ -210,7 +210,7 @@ def measure(quick: bool, folder: Path) -> Iterator[Row]:
     with progress_bar(sum(chunk.steps for chunk in plan), unit="step") as bar:
         for chunk in plan:
             bar.set_description(chunk.id.removeprefix("sph_gym/"))
-            result = results.get([*chunk], partial(play, chunk))
+            result: dict[str, Any] = results.get([*chunk], partial(play, chunk))
             found.append((chunk, result))
             for example in result["examples"]:
                 bar.write(f"{chunk}: {example}")

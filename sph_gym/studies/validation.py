@@ -18,7 +18,6 @@ from sph_gym import scenes
 from sph_gym.extras import progress_bar
 from sph_gym.recommend.runs import Meter, compile_ahead
 from sph_gym.scenes.shared.reference import Chart, Curve, Measure
-from sph_gym.solver.checks import known
 from sph_gym.solver.simulation import Simulation
 from sph_gym.studies import gallery
 from sph_gym.studies.results import Results
@@ -58,7 +57,7 @@ def _short(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def with_reference() -> list[str]:
+def names() -> list[str]:
     """Return the names of the scenes that are compared with something."""
     return [name for name in scenes.names() if scenes.reference(name) is not None]
 
@@ -72,12 +71,9 @@ def measure(
     """Yield rows of every scene; quick: the coarsest resolutions only.
 
     chosen: names of scenes, by default all that have a reference; again: don't take what an
-    earlier run of the study has found. Raises ValueError for a scene without a reference.
+    earlier run of the study has found.
     """
-    names = with_reference()
-    for name in chosen or ():
-        known("scenes", name, names)
-    for name in chosen or names:
+    for name in chosen or names():
         reference = scenes.reference(name)
         assert reference is not None
         results = []
@@ -122,11 +118,8 @@ def orders(results: Sequence[Validated]) -> Iterator[Row]:
 
 def run(name: str, arguments: dict[str, Any], folder: Path, again: bool = False) -> Validated:
     """Return one run, from the folder if it is there and not asked for `again`."""
-    store, key = results(folder), run_key(name, arguments)
-    stored = None if again else store.load(key)
-    if stored is None:
-        stored = store.save(key, _run(name, arguments)._asdict())
-    return Validated.from_json(stored)
+    key, compute = run_key(name, arguments), lambda: _run(name, arguments)._asdict()
+    return results(folder).get(key, compute, Validated.from_json, again)
 
 
 def results(folder: Path) -> Results:

@@ -1,7 +1,6 @@
 import pytest
 
 from sph_gym import studies
-from sph_gym.command_line.study import STUDIES
 from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.faults import FAULTS
 from sph_gym.doctor.matrix import ALL, BARE, DiagnosisOutcome
@@ -14,11 +13,6 @@ OUTCOMES = [
     DiagnosisOutcome("jelly", "viscosity", "", ""),
     DiagnosisOutcome("no_walls", "walls", "walls", "sides"),
 ]
-
-
-def test_it_is_known():
-    assert "doctor" in studies.names()
-    assert "doctor" in STUDIES
 
 
 def test_shares_have_bounds_where_all_is_shown():

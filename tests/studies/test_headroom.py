@@ -206,7 +206,7 @@ def test_all_episodes_are_written(tmp_path):
 @pytest.mark.parametrize("name", ["headroom", "exploits"])
 def test_the_table_says_why_a_scene_is_no_benchmark(name, tmp_path, monkeypatch, capsys):
     rows = [Row("work", "relaxation, diagnostic", 1.0, ""), Row("work", "dam_break", 1.0, "")]
-    monkeypatch.setitem(studies._STUDIES, name, lambda quick, folder: rows)
+    monkeypatch.setattr(f"sph_gym.studies.{name}.measure", lambda quick, folder: rows)
     assert studies.run_study(name, folder=tmp_path) == 0
     out = capsys.readouterr().out
     assert headroom.instances.DIAGNOSTIC["relaxation"] in out
@@ -218,7 +218,7 @@ def test_labels_are_written_for_the_pages(tmp_path, monkeypatch):
     good, small, none = [contest()], [contest(149)], [contest(beyond=0.06)]
     found = {"dam_break": good, "shaken_tank": small, "long_fall": none, "relaxation": none}
     rows = [row for scene, each in found.items() for row in headroom.rows(scene, each)]
-    monkeypatch.setitem(studies._STUDIES, "headroom", lambda quick, folder: rows)
+    monkeypatch.setattr(headroom, "measure", lambda quick, folder: rows)
     studies.run_study("headroom", folder=tmp_path)
     with (tmp_path / "headroom_labels.csv").open(newline="") as file:
         written = [tuple(row.values()) for row in csv.DictReader(file)]

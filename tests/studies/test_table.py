@@ -5,7 +5,7 @@ import pytest
 
 from sph_gym import studies
 from sph_gym.__main__ import main
-from sph_gym.studies import machine
+from sph_gym.studies import machine, validation
 from sph_gym.studies.peers import Peers
 from sph_gym.studies.table import Row, show
 
@@ -44,7 +44,7 @@ def test_show_writes_all_columns(tmp_path, capsys):
 
 def test_a_study_fails_aloud(tmp_path, monkeypatch, capsys):
     rows = [Row("speed", "a", 1.0, "m/s", 2.0), Row("speed", "b", 3.0, "m/s", 2.0)]
-    monkeypatch.setitem(studies._STUDIES, "validation", lambda quick, folder: rows)
+    monkeypatch.setattr(validation, "measure", lambda quick, folder: rows)
     assert main(["study", "validation", "--output", str(tmp_path)]) == 1
     assert "FAILS" in capsys.readouterr().out
     with (tmp_path / "validation.csv").open() as file:
@@ -56,7 +56,7 @@ def test_an_interrupted_study_keeps_its_rows(tmp_path, monkeypatch, capsys):
         yield Row("speed", "a", 1.0, "m/s")
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(studies._STUDIES, "validation", rows)
+    monkeypatch.setattr(validation, "measure", rows)
     assert main(["study", "validation", "--output", str(tmp_path)]) == 130
     assert "speed" in (tmp_path / "validation.csv").read_text()
     assert "speed" in capsys.readouterr().out

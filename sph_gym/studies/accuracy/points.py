@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -127,19 +128,6 @@ def _versions() -> dict[str, str]:
         return machine.describe()
 
 
-def works(make: Callable[[Any], Any]) -> Callable[[Any], bool]:
-    """Return a check of stored results: whether `make` can make something of one."""
-
-    def check(stored: Any) -> bool:
-        try:
-            make(stored)
-        except (KeyError, TypeError, ValueError, ArithmeticError):
-            return False
-        return True
-
-    return check
-
-
 def measure_point(
     case: Refinement, knob: str, setting: Setting, sampling: Sampling, other: int = 0
 ) -> Point:
@@ -152,7 +140,7 @@ def measure_point(
     dx = case.metres(other) / setting.across
     facts = {"scene": case.scene, "knob": knob, "setting": setting, "dx": dx}
     facts["key"] = points.path(key).stem
-    kept = points.load(key, works(lambda kept: make_point(facts, kept)))
+    kept = points.load(key, partial(_usable, facts))
     if kept is not None and sampling.again:
         kept |= {"times": [], "differing": 0}
     before = None
@@ -171,6 +159,12 @@ def measure_point(
         kept["times"].append(times)
         points.save(key, kept)
     return make_point(facts, kept)
+
+
+def _usable(facts: dict[str, Any], kept: dict[str, Any]) -> dict[str, Any]:
+    """Return what is kept of a point if one can be made of it, else raise an error."""
+    make_point(facts, kept)
+    return kept
 
 
 def measure_apart(case: Refinement, setting: Setting, repeats: int) -> dict[str, Any]:
@@ -277,10 +271,12 @@ def _schedule(
         except RuntimeError as error:
             return {"controls": [], "cause": str(error)}
 
-    is_valid = works(lambda kept: np.reshape(np.array(kept["controls"], float), (-1, 3)))
+    def read(kept: dict[str, Any]) -> Schedule:
+        controls: Schedule = np.reshape(np.array(kept["controls"], float), (-1, 3)).tolist()
+        return controls
+
     schedules, key = sampling.results("schedules", setting), key_of(case, setting, other)
-    controls: Schedule = schedules.get(key, make, is_valid)["controls"]
-    return controls
+    return schedules.get(key, make, read)
 
 
 # --- Again ----------------------------------------------------------------------------------

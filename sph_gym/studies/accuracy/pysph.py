@@ -3,6 +3,7 @@
 import math
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ from sph_gym.scenes.shared.free_bodies import ellipse
 from sph_gym.scenes.shared.martin_moyce import SHIFTS, front_error
 from sph_gym.studies import peers as racing
 from sph_gym.studies.accuracy.analysis import Gain, chance, cost_at, count, nominal_series
-from sph_gym.studies.accuracy.points import Point, works
+from sph_gym.studies.accuracy.points import Point
 from sph_gym.studies.peers import PeerError, Peers
 from sph_gym.studies.results import Results
 from sph_gym.studies.table import Row
@@ -117,11 +118,9 @@ def run(peers: Peers, scene: str, across: int, folder: Path, again: bool = False
 
     results = Results(folder / "peer", common=())
     key = [scene, across, peers.python, content_hash((peers.folder / SCRIPT).resolve())]
-    seen = None if again else results.load(key, works(make))
-    if seen is None:
-        arguments = [scene, "--across", str(across)]
-        seen = results.save(key, racing.run(peers, SCRIPT, arguments, CLOCKS, PATIENCE))
-    return make(seen)
+    arguments = [scene, "--across", str(across)]
+    compute = partial(racing.run, peers, SCRIPT, arguments, CLOCKS, PATIENCE)
+    return results.get(key, compute, make, again)
 
 
 def tip_error(seen: dict[str, Any]) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sph_gym.extras import needs_extra
-from sph_gym.files import atomic_write, write_csv
+from sph_gym.files import atomic_write, write_csv, write_text
 from sph_gym.provenance import source_hash
 from sph_gym.recommend import published, series
 from sph_gym.recommend.settings import TITLES, Setting, nominal, write_changes
@@ -52,8 +52,7 @@ def write_all(points: Sequence[Point], trials: Sequence[TriedRecommendation], fo
     found = folder / "found"
     _write_published(short, found / "cheapest.csv", published.CHEAPEST)
     _write_published(gains, found / "gains.csv", published.GAINS)
-    with atomic_write(found / "cheapest.md") as draft:
-        draft.write_text(_page(short), encoding="utf-8")
+    write_text(found / "cheapest.md", _page(short))
 
 
 def _write_published(rows: list[dict[str, Any]], path: Path, columns: Sequence[str]) -> None:

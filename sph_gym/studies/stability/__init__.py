@@ -85,8 +85,8 @@ def catalogue(quick: bool, folder: Path, chosen: Sequence[HardCase] | None = Non
             outcomes = []
             for variant in variants:
                 compute = partial(runs.run, case, variant, quick)
-                kept = results.get([case.name, variant.name, quick], compute, runs.is_outcome)
-                outcomes.append((variant, runs.CaseOutcome(*kept)))
+                key = [case.name, variant.name, quick]
+                outcomes.append((variant, results.get(key, compute, runs.outcome)))
                 bar.update()
             found[case.name] = case, outcomes
             yield from runs.rows(case, outcomes, quick)

@@ -15,7 +15,7 @@ from sph_gym.solver.geometry import lattice
 from sph_gym.solver.scene import Fluid, Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.walls import Walls
-from sph_gym.studies.results import Results, is_record
+from sph_gym.studies.results import Results, as_record
 from sph_gym.studies.stability import bodies
 from sph_gym.studies.stability.case import VARIANTS, HardCase, Variant, hard_case, stable_step
 from sph_gym.studies.stability.checks import n_passed
@@ -156,7 +156,7 @@ def rows(results: Results) -> Iterator[Row]:
         for mach in MACH:
             key = ["boundary particles", variant.name, mach, step]
             compute = partial(passed, variant, mach, step)
-            outcomes[mach] = Strays(*results.get(key, compute, is_record(Strays)))
+            outcomes[mach] = results.get(key, compute, as_record(Strays))
         yield from _rows(f"{variant.name}, dt x {step:g}", step, outcomes)
 
 

@@ -14,7 +14,7 @@ from sph_gym.solver import stepping, teams
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Simulation
 from sph_gym.solver.state import Controls
-from sph_gym.studies.results import Results, is_record
+from sph_gym.studies.results import Results, as_record
 from sph_gym.studies.stability.limits import STEP, as_limit, known_limit
 from sph_gym.studies.table import Row
 
@@ -149,9 +149,9 @@ def survey(
     def play(dt: float, sound: float, xsph: float) -> MapPoint:
         compute = partial(run, scene, dt * unit(scene), sound, xsph, grid.share)
         key = [name, dt, sound, xsph, grid.share]
-        found = results.get(key, compute, is_record(MapPoint))
+        found = results.get(key, compute, as_record(MapPoint))
         look()
-        return MapPoint(*found)
+        return found
 
     # compiled loops let go of the interpreter; the first run compiles
     play(grid.dt[-1], grid.sound[0], grid.xsph[0])

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import gymnasium as gym
 
@@ -103,11 +102,7 @@ def rows(quick: bool, results: Results) -> Iterator[Row]:
     steps = QUICK_STEPS if quick else STEPS
     for way in WAYS:
         compute = partial(growth, way, steps)
-        gained = float(results.get(["memory", way, steps], compute, _is_number))
+        gained = results.get(["memory", way, steps], compute, float)
         known = math.isfinite(gained)
         label = f"{way}, {steps:,} steps" + ("" if known else ", which this system doesn't tell")
         yield Row("memory gained", label, gained, "MB", bound(steps) if known else None)
-
-
-def _is_number(kept: Any) -> bool:
-    return type(kept) in (int, float)

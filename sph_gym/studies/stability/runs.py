@@ -10,7 +10,7 @@ import numpy as np
 
 from sph_gym.solver.scene import Scene
 from sph_gym.solver.simulation import Report, Simulation
-from sph_gym.studies.results import is_record
+from sph_gym.studies.results import as_record
 from sph_gym.studies.stability import checks
 from sph_gym.studies.stability.case import HardCase, Variant
 from sph_gym.studies.stability.checks import (
@@ -39,13 +39,12 @@ class CaseOutcome(NamedTuple):
     values: dict[str, float]
 
 
-def is_outcome(result: Any) -> bool:
-    """Return whether stored JSON is a `CaseOutcome` that was measured at all moments."""
-    if not is_record(CaseOutcome)(result):
-        return False
-    values = result[-1]
-    measured = {"silent", "grid", "happened"} <= values.keys() <= BY_NAME.keys()
-    return measured and all(type(value) in (int, float) for value in values.values())
+def outcome(stored: Any) -> CaseOutcome:
+    """Return an outcome from JSON. Raises ValueError if it wasn't measured at all moments."""
+    found = as_record(CaseOutcome)(stored)
+    if not {"silent", "grid", "happened"} <= found.values.keys() <= BY_NAME.keys():
+        raise ValueError(f"expected values of checks at all moments, got {found.values}")
+    return found._replace(values={name: float(value) for name, value in found.values.items()})
 
 
 def run(case: HardCase, variant: Variant, quick: bool = False) -> CaseOutcome:

@@ -12,6 +12,15 @@ import numpy as np
 from sph_gym.doctor.case import GAMMA, Array
 from sph_gym.doctor.diagnosis import LINKS
 from sph_gym.doctor.laws import KERNELS, Kernel, lattice_sum
+from sph_gym.doctor.remedies import (
+    CLAMP,
+    IN_2D,
+    MASS,
+    OWN_SHARE,
+    SUPPORT_RADIUS,
+    TAIT_EQUATION,
+    UNIT_VECTOR,
+)
 
 
 class PairFault(NamedTuple):
@@ -48,6 +57,7 @@ class PairFault(NamedTuple):
     times_r: bool = False
 
 
+_SLOPE = "The slope of the spiky kernel in 2D is -30/(pi h^5) (h - r)^2, not -10/(pi h^5)."
 FAULTS = (
     PairFault(
         "neighbours",
@@ -56,12 +66,7 @@ FAULTS = (
         "double the sums.",
         both=2.0,
     ),
-    PairFault(
-        "density",
-        "no self-contribution",
-        "Begin each sum with the particle's own share, rho[i] = m W(0, h).",
-        own=0.0,
-    ),
+    PairFault("density", "no self-contribution", OWN_SHARE, own=0.0),
     PairFault(
         "density",
         "self-contribution twice",
@@ -71,88 +76,52 @@ FAULTS = (
     PairFault(
         "density",
         "density kernel with the constant of three dimensions",
-        "Use the constants of 2D: poly6 4/(pi h^8), cubic spline 40/(7 pi h^2).",
+        IN_2D,
         solid_density=True,
     ),
     PairFault(
         "density",
         "both kernels with the constants of three dimensions",
-        "Use the constants of 2D: poly6 4/(pi h^8), spiky slope -30/(pi h^5).",
+        IN_2D,
         solid_density=True,
         solid_force=True,
     ),
-    PairFault("density", "mass twice", "The mass is rho0 dx^2 in 2D.", mass=2.0),
-    PairFault("density", "mass half", "The mass is rho0 dx^2 in 2D.", mass=0.5),
+    PairFault("density", "mass twice", MASS, mass=2.0),
+    PairFault("density", "mass half", MASS, mass=0.5),
     *(
-        PairFault(
-            "density",
-            f"kernel that ends at {reach:g} h",
-            "case.h is the SUPPORT radius: a smoothing length is a half or a third of it.",
-            reach=reach,
-        )
+        PairFault("density", f"kernel that ends at {reach:g} h", SUPPORT_RADIUS, reach=reach)
         for reach in (0.5, 2.0, 3.0, 1 / 3)
     ),
     *(
         PairFault(
             "density",
             f"density kernel that ends at {reach:g} h",
-            "case.h is the SUPPORT radius: a smoothing length is a half or a third of it.",
+            SUPPORT_RADIUS,
             reach_density=reach,
         )
         for reach in (0.5, 2.0)
     ),
+    PairFault("force", "direction not divided by the distance", UNIT_VECTOR, times_r=True),
+    PairFault("pressure", "B without gamma", TAIT_EQUATION, stiffness=GAMMA),
+    PairFault("pressure", "linear gas law", TAIT_EQUATION, exponent=1.0),
     PairFault(
-        "force",
-        "direction not divided by the distance",
-        "Use the unit vector (x_i - x_j) / r.",
-        times_r=True,
-    ),
-    PairFault("pressure", "B without gamma", "B is rho0 c0^2 / gamma.", stiffness=GAMMA),
-    PairFault(
-        "pressure",
-        "linear gas law",
-        "Use Tait's equation, p = B ((rho/rho0)^7 - 1) with B = rho0 c0^2 / 7.",
-        exponent=1.0,
-    ),
-    PairFault(
-        "pressure",
-        "linear gas law with Tait's B",
-        "Use Tait's equation, p = B ((rho/rho0)^7 - 1): the exponent is missing.",
-        exponent=1.0,
-        stiffness=1 / GAMMA,
+        "pressure", "linear gas law with Tait's B", TAIT_EQUATION, exponent=1.0, stiffness=1 / GAMMA
     ),
     *(
         PairFault(
             "pressure",
             f"exponent {gamma:g} instead of 7",
-            "Tait's equation has the exponent gamma in both places, case.gamma.",
+            TAIT_EQUATION,
             exponent=gamma,
             stiffness=stiffness,
         )
         for gamma in (1.4, 2.0, 3.0, 3.5, 5.0, 6.0, 8.0)
         for stiffness in (1.0, gamma / GAMMA)
     ),
-    PairFault(
-        "pressure", "pressures below zero", "Cut pressures off at zero: p = max(0, p).", clamp=False
-    ),
-    PairFault(
-        "pressure",
-        "pressures below zero taken as positive",
-        "Cut pressures off at zero: p = max(0, p), not |p|.",
-        absolute=True,
-    ),
-    PairFault(
-        "pressure",
-        "rho0 / rho in Tait's equation",
-        "p = B ((rho/rho0)^gamma - 1): the ratio is upside down.",
-        upside_down=True,
-    ),
-    PairFault(
-        "pressure",
-        "Tait's equation without its - 1",
-        "p = B ((rho/rho0)^gamma - 1): without the - 1, fluid at rest is under pressure.",
-        rest=1.0,
-    ),
+    PairFault("pressure", "pressures below zero", CLAMP, clamp=False),
+    PairFault("pressure", "pressures below zero taken as positive", CLAMP, absolute=True),
+    PairFault("pressure", "rho0 / rho in Tait's equation", TAIT_EQUATION, upside_down=True),
+    PairFault("pressure", "Tait's equation without its - 1", TAIT_EQUATION, rest=1.0),
     PairFault(
         "force",
         "slope of poly6 for the pressure force",
@@ -160,18 +129,8 @@ FAULTS = (
         "and particles pair up.",
         pairing=True,
     ),
-    PairFault(
-        "force",
-        "slope a third as large",
-        "The slope of the spiky kernel in 2D is -30/(pi h^5) (h - r)^2, not -10/(pi h^5).",
-        force=1 / 3,
-    ),
-    PairFault(
-        "force",
-        "slope with the constant of three dimensions",
-        "Use the slope of 2D: -30/(pi h^5) (h - r)^2 for the spiky kernel.",
-        solid_force=True,
-    ),
+    PairFault("force", "slope a third as large", _SLOPE, force=1 / 3),
+    PairFault("force", "slope with the constant of three dimensions", IN_2D, solid_force=True),
     PairFault("force", "force twice", "Each pair is to push once.", force=2.0),
     PairFault(
         "force",
@@ -184,7 +143,7 @@ FAULTS = (
     PairFault(
         "force",
         "slope a third as large, in the rate of density, too",
-        "The slope of the spiky kernel in 2D is -30/(pi h^5) (h - r)^2, not -10/(pi h^5).",
+        _SLOPE,
         force=1 / 3,
         rate=1 / 3,
     ),

@@ -26,6 +26,7 @@ from tests.doctor.healthy_sums import (
     UsualMass,
     Wendland,
 )
+from tests.doctor.solvers.shared import showing
 
 # --- Time -----------------------------------------------------------------------------------
 
@@ -160,23 +161,6 @@ class Single(Wendland):
     def bounce(self) -> None:
         self.x, self.v = np.float32(self.x), np.float32(self.v)
         super().bounce()
-
-
-class Shown:
-    """A solver of which only some attributes are shown."""
-
-    def __init__(self, solver: Any, names: tuple[str, ...]) -> None:
-        self._solver, self._names = solver, ("x", "v", "step", *names)
-
-    def __getattr__(self, name: str) -> Any:
-        if name in self._names:
-            return getattr(self._solver, name)
-        raise AttributeError(name)
-
-
-def showing(make: Callable[[Case], Any], *names: str) -> Callable[[Case], Shown]:
-    """Return a factory of solvers that show x, v, step and these names."""
-    return lambda case: Shown(make(case), names)
 
 
 CHOICES = (

@@ -4,43 +4,7 @@ import numpy as np
 
 from tests.doctor.solvers.motion_schemes import Schemes
 from tests.doctor.solvers.motion_walls import Walls
-
-# name: shape and slope by q = r / support, before they are normalised in two dimensions
-_KERNELS = {
-    "poly6": (lambda q: (1 - q**2) ** 3, lambda q: -6 * q * (1 - q**2) ** 2),
-    "spiky": (lambda q: (1 - q) ** 3, lambda q: -3 * (1 - q) ** 2),
-    "wendland": (lambda q: (1 - q) ** 4 * (1 + 4 * q), lambda q: -20 * q * (1 - q) ** 3),
-    "cubic": (
-        lambda q: np.where(q < 0.5, 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3),
-        lambda q: np.where(q < 0.5, -12 * q + 18 * q**2, -6 * (1 - q) ** 2),
-    ),
-    "quintic": (
-        lambda q: sum(
-            c * np.maximum(k / 3 - q, 0) ** 5 for k, c in ((3, 1.0), (2, -6.0), (1, 15.0))
-        ),
-        lambda q: sum(
-            -5 * c * np.maximum(k / 3 - q, 0) ** 4 for k, c in ((3, 1.0), (2, -6.0), (1, 15.0))
-        ),
-    ),
-    "gauss": (lambda q: np.exp(-9 * q**2), lambda q: -18 * q * np.exp(-9 * q**2)),
-}
-_Q = np.linspace(0.0, 1.0, 4001)
-
-
-def _kernel(name, h):
-    shape, slope = _KERNELS[name]
-    area = 2 * np.pi * np.trapezoid(shape(_Q) * _Q, _Q)
-
-    def weight(r):
-        q = np.minimum(r / h, 1.0)
-        return np.where(r < h, shape(q), 0.0) / (area * h**2)
-
-    def gradient(r):
-        q = np.minimum(r / h, 1.0)
-        return np.where(r < h, slope(q), 0.0) / (area * h**3)
-
-    return weight, gradient
-
+from tests.doctor.solvers.shared import SLOPES, WEIGHTS, showing
 
 _DEFAULTS = {
     "kernels": ("poly6", "spiky"),
@@ -67,7 +31,6 @@ class Solver(Schemes, Walls):
     def __init__(self, case, **choices):
         self.__dict__.update(_DEFAULTS | choices)
         self.case, self.h, self.n = case, case.h, len(case.x)
-        self.W, self.dW = (_kernel(name, case.h)[k] for k, name in enumerate(self.kernels))
         self.B = case.rho0 * case.c0**2 / case.gamma
         self.m = case.rho0 * case.dx**2
         if self.calibrated:
@@ -83,6 +46,12 @@ class Solver(Schemes, Walls):
 
     x = property(lambda self: self.X.copy())
     v = property(lambda self: self.V.copy())
+
+    def W(self, r):
+        return WEIGHTS[self.kernels[0]](r / self.h) / self.h**2
+
+    def dW(self, r):
+        return -SLOPES[self.kernels[1]](r / self.h) / self.h**3
 
     def _pairs(self, x):
         every = np.concatenate([x, self.wall_x, *self._images(x)]).astype(self.dtype)
@@ -180,27 +149,13 @@ class Solver(Schemes, Walls):
         self.steps += 1
 
 
-class Hidden:
-    """Shows x, v and step of a solver alone."""
-
-    x = property(lambda self: self._solver.x)
-    v = property(lambda self: self._solver.v)
-
-    def __init__(self, solver):
-        self._solver = solver
-
-    def step(self, dt):
-        self._solver.step(dt)
-
-
 def maker(hide=(), **choices):
     """Return a factory of such solvers; hide: names of what they don't show."""
-    shown = {
-        name: property(lambda self, name=name: getattr(self._solver, name))
-        for name in set(OPTIONAL) - set(hide)
-    }
-    kind = type("Some", (Hidden,), shown)
-    return lambda case: kind(Solver(case, **choices)) if hide else Solver(case, **choices)
+
+    def make(case):
+        return Solver(case, **choices)
+
+    return showing(make, *(name for name in OPTIONAL if name not in hide)) if hide else make
 
 
 OPTIONAL = ("rho", "p", "a")

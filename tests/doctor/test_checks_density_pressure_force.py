@@ -13,6 +13,7 @@ from sph_gym.doctor.probes import DISTANCES, cluster
 from sph_gym.doctor.registry import CHECKS
 from tests.doctor.solvers.laws_exotic import EXOTIC
 from tests.doctor.solvers.laws_styles import build
+from tests.doctor.solvers.shared import showing
 
 OURS = ["setup", "density", "pressure", "force", "pair_force", "black_box"]
 NAMES = [n for n, c in CHECKS.items() if c.function.__module__.rsplit(".", 1)[-1] in OURS]
@@ -23,21 +24,6 @@ NAMES.remove("density_in_flow")
 def examine(make):
     checkup = Checkup(make)
     return Diagnosis(tuple(checkup.result(name) for name in NAMES))
-
-
-def hidden(make, *shown):
-    """Return a factory of the same solver that shows x, v and the attributes named."""
-
-    class Veil:
-        def __init__(self, case):
-            self._inner = make(case)
-
-        def __getattr__(self, name):
-            if name in ("x", "v", "step", *shown):
-                return getattr(self._inner, name)
-            raise AttributeError(name)
-
-    return Veil
 
 
 # --- Kernels ---------------------------------------------------------------------------------
@@ -131,7 +117,7 @@ def test_solvers_with_habits_raise_no_alarm(make):
 @pytest.mark.every(3)
 @pytest.mark.parametrize("shown", [ALL, ("rho", "p"), ("rho",), ()], ids=" ".join)
 def test_the_article_passes_and_nothing_stays_open(shown):
-    diagnosis = examine(hidden(plain.make, *shown))
+    diagnosis = examine(showing(plain.make, *shown))
     assert diagnosis.ok, str(diagnosis)
     statuses = {each.status for each in diagnosis.results}
     assert statuses <= {"pass", "skip"}, str(diagnosis)
@@ -242,7 +228,7 @@ CHAIN = [n for n in CHAIN if not n.startswith("gravity")]
 @pytest.mark.parametrize("shown", [("rho", "p"), ("rho",), ()], ids=" ".join)
 @pytest.mark.parametrize("name", CHAIN)
 def test_faults_of_the_article_are_found_whatever_is_shown(name, shown):
-    diagnosis = examine(hidden(FAULTS[name].make, *shown))
+    diagnosis = examine(showing(FAULTS[name].make, *shown))
     assert diagnosis.link == FAULTS[name].link, str(diagnosis)
 
 
@@ -261,7 +247,7 @@ def test_a_wrong_density_is_no_fault_of_the_equation_of_state():
 
 
 def test_steps_that_ignore_dt_decide_nothing_here():
-    diagnosis = examine(hidden(FAULTS["own_dt"].make))
+    diagnosis = examine(showing(FAULTS["own_dt"].make))
     assert diagnosis.link in ("", "integration"), str(diagnosis)
 
 

@@ -11,7 +11,8 @@ from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import CHECKS
 from tests.doctor.solvers.pairs_loops import Loops
 from tests.doctor.solvers.pairs_searches import BROKEN, SOUND
-from tests.doctor.solvers.pairs_zoo import HEALTHY, SHOWN, Shown, Zoo, zoo
+from tests.doctor.solvers.pairs_zoo import HEALTHY, SHOWN, Zoo, zoo
+from tests.doctor.solvers.shared import showing
 
 NEIGHBOURS = (
     "neighbor_lists",
@@ -112,7 +113,7 @@ def test_faults_of_the_plain_solver(link, shows):
     for name, fault in FAULTS.items():
         if fault.link != link or (shows == "nothing" and name in NOT_BY_X_AND_V):
             continue
-        diagnosis = examined(lambda each, make=fault.make: Shown(make(each), SHOWN[shows]), *names)
+        diagnosis = examined(showing(fault.make, *SHOWN[shows]), *names)
         assert diagnosis.link == link, (name, unjust(diagnosis))
 
 
@@ -122,7 +123,7 @@ def test_other_links_are_not_taken_for_neighbours(shows):
     for name, fault in FAULTS.items():
         if fault.link in ("setup", "neighbours"):
             continue
-        make = lambda each, make=fault.make: Shown(make(each), SHOWN[shows])  # noqa: E731
+        make = showing(fault.make, *SHOWN[shows])
         found = [
             each
             for each in examined(make, *NEIGHBOURS).results

@@ -3,7 +3,6 @@
 import numpy as np
 
 from sph_gym.doctor.case import C0, RHO0, SUPPORT, Array, H, all_finite, case, lattice
-from sph_gym.doctor.checks.density import RENEW
 from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.pair_law import (
@@ -34,6 +33,7 @@ from sph_gym.doctor.probes import (
     triangles,
 )
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import RENEW
 
 _IN_ORDER = "In every step: densities of all particles first, then pressures, then forces."
 # In c0^2 / h, a force that counts as none, and one that counts as a push.

@@ -27,19 +27,10 @@ from sph_gym.doctor.probes import (
     squeezing,
 )
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import EVERY_PAIR, IN_2D, OWN_SHARE, RENEW, SUPPORT_RADIUS
 from sph_gym.doctor.subject import SolverUnderTest
 
-SUPPORT_RADIUS = (
-    "case.h is the SUPPORT radius, where W ends. Splines are often written with a smoothing "
-    "length of a half (cubic, Wendland) or a third (quintic, Gaussian) of it: convert once, in "
-    "the adapter, and use the same radius in the neighbour search."
-)
 _UPSIDE_DOWN = ", and yet they push: the slope of the kernel has the wrong sign everywhere"
-RENEW = "Renew densities in every step, from the present neighbours, before pressures and forces."
-EVERY_PAIR = (
-    "Compare with a loop over all pairs. Then look at the neighbour search: cells smaller than "
-    "the support, cells visited twice, a rounding that puts a particle into the wrong cell."
-)
 
 
 def by_continuity(lab: Lab) -> Result:
@@ -154,17 +145,12 @@ def factor_remedy(share: float, h: float, found: Match, small: float | None = No
         return (
             f"The kernel has the constant of three dimensions, {solid / h:.3g} times that of two"
             + ("; with half of h it is off by twice as much. " if small else ". ")
-            + "In 2D: poly6 4/(pi h^8), spiky 10/(pi h^5), cubic spline 40/(7 pi h^2), "
-            "Wendland C2 7/(pi h^2), h the support."
+            + IN_2D
         )
     mass = f"The mass of a particle is rho0 dx^2 = {RHO0 * (h / SUPPORT) ** 2:.3g} kg/m in 2D"
     return f"{mass}; here densities are {share:.3g} times too large. Else the kernel's constant."
 
 
-_SELF = (
-    "Begin each sum with the particle's own share, rho[i] = m W(0, h), before the neighbours are "
-    "added: then no density is ever zero."
-)
 _STEP = (
     "Stop at the first step in which v or x is not finite: accelerations are, so the step itself "
     "divides by zero, by a time step or by a largest speed that are none."
@@ -192,7 +178,7 @@ def isolated(lab: Lab) -> Result:
         return passed("three particles far apart", Measured(lowest, "above 0", unit=unit))
     return failed(
         "three particles far apart: a particle without neighbours has no density",
-        _SELF,
+        OWN_SHARE,
         Measured(lowest, "m W(0), about 0.14 to 0.4 rho0", unit=unit),
     )
 
@@ -212,7 +198,7 @@ def _lonely_nan(lab: Lab, subject: SolverUnderTest, name: str, n_steps: int) -> 
     return failed(
         f"three particles far apart: {name} is not finite after {n_steps} steps"
         + (", though accelerations are" if moved else ""),
-        _STEP if moved else _SELF,
+        _STEP if moved else OWN_SHARE,
         Measured("not finite", "finite"),
         link=link,
     )
@@ -296,7 +282,7 @@ def _own_share(weights: MeasuredWeights) -> Result | None:
         "the density of a lone particle against the limit of close pairs: own share m W(0)",
         ("Each pair is counted twice, but not the particle itself. " + EVERY_PAIR)
         if twice
-        else _SELF,
+        else OWN_SHARE,
         Measured(share, 1.0, unit="of m W(0)", tolerance="5 %"),
         link="neighbours" if twice else "density",
     )

@@ -21,6 +21,7 @@ from sph_gym.doctor.probes import (
     squeezing,
 )
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import EVERY_PAIR, UNIT_VECTOR
 
 # An acceleration that counts as none [m/s^2], and one in motion [c0^2/h].
 _NONE, _FAINT = 1e-4 * C0**2 / H, 1e-4
@@ -36,10 +37,6 @@ _SIGN = (
 _SUCTION = (
     "Pressures below zero act, those above it don't: p = max(0, p), not min, and p = B ((rho / "
     "rho0)^gamma - 1) is above zero when rho > rho0."
-)
-LISTS = (
-    "Compare with a loop over all pairs: the neighbour search loses some of them, or keeps only "
-    "some neighbours of a particle."
 )
 _AT_ONCE = (
     "Do one thing for all particles before the next begins: all densities, all pressures, all "
@@ -74,7 +71,7 @@ def momentum(lab: Lab) -> Result:
         what, link, remedy = "a cloud of 6 x 6: forces don't add up to zero", "force", _SYMMETRIC
         if ratio is not None:
             what += ", though they do in groups of four"
-            link, remedy = "neighbours", LISTS
+            link, remedy = "neighbours", EVERY_PAIR
         return failed(what, remedy, Measured(large, 0.0, **numbers), link=link)
     worst = max(small, large)
     need(worst >= 0, "nothing pushes in groups under pressure", Measured(worst, 0.0, **numbers))
@@ -245,7 +242,7 @@ def isotropy(lab: Lab) -> Result:
     if moved > 0.02:
         return failed(
             "a group of seven, put elsewhere, is pushed differently",
-            LISTS,
+            EVERY_PAIR,
             Measured(moved, 0.0, **numbers),
             link="neighbours",
         )
@@ -253,8 +250,7 @@ def isotropy(lab: Lab) -> Result:
         which = list(_TURNS)[int(np.argmax(errors[_N_COPIES:]))]
         return failed(
             f"a group of seven, {which}, is pushed differently{_only(a)}",
-            "Use the unit vector (x_i - x_j) / r for both components, r = sqrt(dx^2 + dy^2); look "
-            "for an x where y is meant.",
+            UNIT_VECTOR + " Look for an x where y is meant.",
             Measured(turned, 0.0, **numbers),
         )
     return passed("a group of seven, moved, mirrored and turned", Measured(turned, 0.0, **numbers))
@@ -326,7 +322,7 @@ def dense_group(lab: Lab) -> Result:
     numbers = Measured(worst, 1.0, unit="of the sum over pairs", tolerance="5 %")
     if 0.95 < worst < 1.05 or np.ptp(share) < 0.02:
         return passed(text, numbers)
-    remedy = LISTS + " Lists of a fixed length must be long enough for a crowd."
+    remedy = EVERY_PAIR + " Lists of a fixed length must be long enough for a crowd."
     return failed(text, remedy, numbers, link="neighbours")
 
 

@@ -5,11 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from sph_gym.doctor.case import C0, DX, SUPPORT, Array, Case, all_finite, case, lattice
-from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, listed
+from sph_gym.doctor.checks.neighbours import listed
 from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.groups import at_rest, difference, felt, present, spread
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import BRUTE_FORCE
 from sph_gym.doctor.subject import SolverUnderTest
 
 # Speed [c0] with which two groups approach each other, and with which both drift aside.

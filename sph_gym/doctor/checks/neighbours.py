@@ -10,6 +10,7 @@ from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, pas
 from sph_gym.doctor.groups import at_rest
 from sph_gym.doctor.lab import Lab, once
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import BRUTE_FORCE
 from sph_gym.doctor.subject import SolverUnderTest
 
 # Distances of the pairs [h].
@@ -113,11 +114,6 @@ Matrix = NDArray[np.int64]
 CERTAIN = 0.99
 # Places far from the origin [h].
 FAR = 1000.0
-BRUTE_FORCE = (
-    "Replace the search by a loop over all pairs: if the fault is gone, it was the search. If it "
-    "stays, it is the adding: in NumPy, a[i] += b keeps only one of equal indices (np.add.at or "
-    "np.bincount add all). "
-)
 
 
 @check("neighbours", step=2, needs=("order",), shows=("neighbors",))

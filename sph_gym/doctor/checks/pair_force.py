@@ -10,6 +10,7 @@ from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.laws import KERNELS, Kernel, Match, integral, match
 from sph_gym.doctor.probes import DISTANCES, Pairs, closing, fluid, pairs, squeezing
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import IN_2D
 
 _PAIRING = (
     "Use a kernel whose slope stays strong at short distance, such as the spiky one, -30/(pi h^5) "
@@ -171,12 +172,11 @@ _SOLID = {
         "density",
         "The density kernel has the constant of three dimensions: calibrating the mass hides that "
         "in the densities, but makes the mass, and with it every force, {:.3g} times as large as "
-        "it should be. In 2D: poly6 4/(pi h^8), cubic spline 40/(7 pi h^2).",
+        "it should be. " + IN_2D,
     ),
     "3D both": (
         "density",
         "Both kernels have the constants of three dimensions: calibrating the mass hides that in "
-        "the densities, but pressure is {:.3g} times as strong. In 2D: poly6 4/(pi h^8), slope "
-        "of the spiky kernel -30/(pi h^5).",
+        "the densities, but pressure is {:.3g} times as strong. " + IN_2D,
     ),
 }

@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, Array, Case, case, cloud, lattice
-from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, FAR
+from sph_gym.doctor.checks.neighbours import FAR
 from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed
 from sph_gym.doctor.groups import Response, difference, disc, felt, respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import BRUTE_FORCE
 
 # Responses of equal groups may differ by so much, as a share of the largest.
 EQUAL = 5e-3

@@ -20,12 +20,7 @@ from sph_gym.doctor.probes import (
     squeezing,
 )
 from sph_gym.doctor.registry import check
-
-_TAIT = (
-    "Tait's equation: p = B ((rho / rho0)^gamma - 1) with B = rho0 c0^2 / gamma, gamma = 7, then "
-    "max(p, 0). "
-)
-_CLAMP = "Cut pressures off at zero: p = max(0, p). "
+from sph_gym.doctor.remedies import CLAMP, TAIT_EQUATION
 
 
 class PressureFit(NamedTuple):
@@ -42,7 +37,9 @@ def equation_of_state(lab: Lab) -> Result:
     """Squeeze a cloud: are pressures Tait's for the measured densities?"""
     rho, p = _samples(lab)
     if not all_finite(rho, p):
-        return failed("a squeezed cloud: p is not finite", _TAIT, Measured("not finite", "finite"))
+        return failed(
+            "a squeezed cloud: p is not finite", TAIT_EQUATION, Measured("not finite", "finite")
+        )
     dense = rho > 1.005 * RHO0
     if dense.sum() < 8:
         return inconclusive(
@@ -51,7 +48,8 @@ def equation_of_state(lab: Lab) -> Result:
     if not np.any(p[dense] > 0):
         return failed(
             "a squeezed cloud: no pressure is above zero although densities are above rho0",
-            _CLAMP + "Check that it isn't min(0, p), and that p is computed after rho. " + _TAIT,
+            f"{CLAMP} Check that it isn't min(0, p), and that p is computed after rho. "
+            + TAIT_EQUATION,
             Measured(float(p[dense].max()), "above 0", unit="Pa"),
         )
     return _judge(lab, _fit(rho[dense] / RHO0, p[dense]))
@@ -114,13 +112,13 @@ def _judge(lab: Lab, law: PressureFit) -> Result:
         return failed(
             f"a squeezed cloud: p = {share * C0**2:.4g} (rho - rho0), the linear gas law",
             "The linear law hardly resists strong compression: the fluid bounces like a gas. "
-            + _TAIT,
+            + TAIT_EQUATION,
             numbers,
         )
     if abs(law.gamma - GAMMA) > 0.1:
         return failed(
             "a squeezed cloud: p against rho has another exponent",
-            f"{_TAIT}The exponent here is {law.gamma:.3g}.",
+            f"{TAIT_EQUATION} The exponent here is {law.gamma:.3g}.",
             numbers,
         )
     if abs(share - 1) < 0.03 and not off:
@@ -129,7 +127,7 @@ def _judge(lab: Lab, law: PressureFit) -> Result:
         return failed(
             f"a squeezed cloud: p = {law.offset:.3g} Pa at rho0, where it should be 0: that is B",
             "The - 1 of Tait's equation is missing, so that fluid at rest is under pressure. "
-            + _TAIT,
+            + TAIT_EQUATION,
             numbers,
         )
     if off:
@@ -154,7 +152,7 @@ def _stiffness(lab: Lab, share: float, numbers: Measured) -> Result:
         "and time steps for c0 are too long. ",
         1 / GAMMA: "B is divided by gamma twice: sound is sqrt(gamma) times slower. ",
     }.get(known or 0.0, f"B is {share:.3g} times as large as case.c0 makes it. ")
-    return failed("a squeezed cloud: the stiffness B", cause + _TAIT, numbers)
+    return failed("a squeezed cloud: the stiffness B", cause + TAIT_EQUATION, numbers)
 
 
 @check("pressure", step=5, needs=("isolated",), shows=("rho", "p"), may_refuse=True)
@@ -172,7 +170,7 @@ def clamp(lab: Lab) -> Result:
     if highest > max(0.1 * TAIT, 2 * float(at_rest)):
         return failed(
             "pairs far below rho0 are under more pressure than a lattice at rest",
-            _CLAMP + "|p| or rho0 / rho instead of rho / rho0 push thin fluid apart.",
+            CLAMP + " |p| or rho0 / rho instead of rho / rho0 push thin fluid apart.",
             Measured(highest, "0", unit="Pa"),
         )
     numbers = Measured(lowest, "not below 0", unit="Pa")
@@ -185,7 +183,7 @@ def clamp(lab: Lab) -> Result:
         )
     return failed(
         "pairs far below rho0: pressures below zero pull them together",
-        _CLAMP + "At a free surface half of the neighbours are missing, densities read low, and "
+        CLAMP + " At a free surface half of the neighbours are missing, densities read low, and "
         "the fluid curdles into clumps.",
         numbers,
     )

@@ -6,15 +6,12 @@ from sph_gym.doctor.case import DX, all_finite, case, lattice
 from sph_gym.doctor.diagnosis import COLUMNS, Measured, Result, failed, passed
 from sph_gym.doctor.lab import OPTIONAL, TINY, Lab
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import SORT_ALIKE
 from sph_gym.doctor.subject import Misfit
 
 _ORDER = (
     "Return particles in case.x's order at all times: sort copies, or keep the permutation and "
     "undo it in x, v, rho, p and a."
-)
-
-_SORTED = (
-    "Sort velocities, densities and all other columns by the same permutation as the positions."
 )
 
 
@@ -98,7 +95,7 @@ def _exchanged(moved: np.ndarray, turned: np.ndarray, n_steps: int) -> Result:
         text += "positions and velocities of the same index belong to different particles"
     return failed(
         text,
-        _ORDER if together else _SORTED,
+        _ORDER if together else SORT_ALIKE,
         Measured(
             f"{int((moved != turned).sum() or (moved != range(16)).sum())} of 16",
             "0",

@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sph_gym.doctor.case import DX, Array, Case, case, lattice
-from sph_gym.doctor.checks.neighbours import BRUTE_FORCE, DISTANCES, STEP, Weights, pair_weights
+from sph_gym.doctor.checks.neighbours import DISTANCES, STEP, Weights, pair_weights
 from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, need, passed, skipped
 from sph_gym.doctor.groups import respond
 from sph_gym.doctor.lab import Lab
 from sph_gym.doctor.registry import check
+from sph_gym.doctor.remedies import BRUTE_FORCE
 
 # Densities of the crowd agree with the sums over pairs so far, or clearly don't.
 AGREE, DISAGREE = 0.01, 0.03

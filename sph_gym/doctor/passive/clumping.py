@@ -5,6 +5,7 @@ import numpy as np
 from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed, skipped
 from sph_gym.doctor.passive.survey import RecordingSurvey, nearest
 from sph_gym.doctor.reading.frames import Array
+from sph_gym.doctor.remedies import CLAMP
 
 # Particles nearer to each other than these shares of the spacing are clumped, or paired.
 CLUMPED, PAIRED = 0.5, 0.3
@@ -36,7 +37,7 @@ def suction(survey: RecordingSurvey) -> Result:
         return inconclusive(
             f"{text}; with p = max(0, p) they might not", Measured(worst, before, unit=UNIT)
         )
-    return failed(f"{text}: suction curdles the fluid", "Clamp pressures: p = max(0, p).", numbers)
+    return failed(f"{text}: suction curdles the fluid", CLAMP, numbers)
 
 
 def clumping(survey: RecordingSurvey) -> Result:

@@ -10,6 +10,7 @@ from sph_gym.doctor.passive.pressure import FITS, law
 from sph_gym.doctor.passive.survey import RecordingSurvey, distances, nearest
 from sph_gym.doctor.reading import Frame
 from sph_gym.doctor.reading.frames import Array
+from sph_gym.doctor.remedies import OWN_SHARE
 
 # Crowding is measured with Wendland's kernel, over so many spacings and at most so many neighbours.
 REACH, MOST = 2.2, 64
@@ -149,8 +150,7 @@ def _not_positive(survey: RecordingSurvey, frame: Frame) -> Result:
     return failed(
         f"particle {survey.name(frame, i)} has a density of {frame.rho[i]:.4g} kg/m^3 at t = "
         f"{frame.time:.4g} s; {(frame.rho <= 0).sum()} particles have none above zero",
-        "Begin the sum of each density with the particle's own share m W(0): it is positive even "
-        "without neighbours.",
+        OWN_SHARE,
         Measured(float(frame.rho[i]), "above 0", unit="kg/m^3"),
     )
 

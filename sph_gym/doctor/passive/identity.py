@@ -5,6 +5,7 @@ import numpy as np
 from sph_gym.doctor.diagnosis import Measured, Result, failed, inconclusive, passed
 from sph_gym.doctor.passive.survey import CHAIN, Change, RecordingSurvey, nearest
 from sph_gym.doctor.reading import Frame
+from sph_gym.doctor.remedies import SORT_ALIKE
 
 # Particles that vanish nearer than this to the border of all others [spacings] may have left.
 BORDER = 4.0
@@ -120,8 +121,7 @@ def _exchanged(survey: RecordingSurvey, k: int, a: Frame, b: Frame) -> Result:
             return failed(
                 f"from {survey.when(k)} to the next, positions are in another order, velocities "
                 "are not: a velocity no longer belongs to its particle",
-                "Sort velocities, densities and all other columns by the same permutation as the "
-                "positions.",
+                SORT_ALIKE,
                 Measured(
                     as_x / size,
                     0.0,

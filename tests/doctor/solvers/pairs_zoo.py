@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from tests.doctor.solvers.shared import SLOPES, WEIGHTS, showing
+
 ALL = ("rho", "p", "a", "evaluate", "neighbors")
 DEFAULTS = {
     "kernel": "wendland",
@@ -22,44 +24,6 @@ DEFAULTS = {
     "dtype": float,
     "shows": ALL,
     "pairs": None,  # a function of (solver, distances) that returns how often each pair counts
-}
-
-
-def _wendland(q):
-    return 7 / np.pi * (1 - q) ** 4 * (1 + 4 * q), -140 / np.pi * q * (1 - q) ** 3
-
-
-def _poly6_spiky(q):
-    return 4 / np.pi * (1 - q**2) ** 3, -30 / np.pi * (1 - q) ** 2
-
-
-def _cubic(q):
-    inner = q < 0.5
-    w = np.where(inner, 1 - 6 * q**2 + 6 * q**3, 2 * (1 - q) ** 3)
-    slope = np.where(inner, -12 * q + 18 * q**2, -6 * (1 - q) ** 2)
-    return 40 / (7 * np.pi) * w, 40 / (7 * np.pi) * slope
-
-
-def _quintic(q):
-    s = 3 * q
-    parts = [(3, 1), (2, -6), (1, 15)]
-    w = sum(c * np.maximum(e - s, 0) ** 5 for e, c in parts)
-    slope = sum(-15 * c * np.maximum(e - s, 0) ** 4 for e, c in parts)
-    factor = 9 * 7 / (478 * np.pi)
-    return factor * w, factor * slope
-
-
-def _gaussian(q):
-    w = 9 / np.pi * np.exp(-9 * q**2)
-    return w, -18 * q * w
-
-
-KERNELS = {
-    "wendland": _wendland,
-    "article": _poly6_spiky,
-    "cubic": _cubic,
-    "quintic": _quintic,
-    "gaussian": _gaussian,
 }
 
 
@@ -80,10 +44,9 @@ class Zoo:
 
     def kernel(self, r):
         """Return W and dW/dr, zero beyond h."""
-        q = np.minimum(r / self.h, 1.0)
-        w, slope = KERNELS[self.style.kernel](q)
-        inside = r < self.h
-        return np.where(inside, w, 0) / self.h**2, np.where(inside, slope, 0) / self.h**3
+        kernel, q = self.style.kernel, r / self.h
+        weight, slope = ("poly6", "spiky") if kernel == "article" else (kernel, kernel)
+        return WEIGHTS[weight](q) / self.h**2, -SLOPES[slope](q) / self.h**3
 
     def mass(self):
         case = self.case
@@ -239,22 +202,9 @@ class Zoo:
         return np.flatnonzero((self.count[i] > 0) & (np.arange(self.n) != i))
 
 
-class Shown:
-    """Shows x, v and step, and of the rest what is asked for."""
-
-    def __init__(self, solver, names):
-        self._solver, self._names = solver, names
-
-    def __getattr__(self, name):
-        if name in ("x", "v", "step", *self._names):
-            return getattr(self._solver, name)
-        raise AttributeError(name)
-
-
 def zoo(make=Zoo, **style):
     """Return a factory of solvers with these choices; make: a class derived from Zoo."""
-    shows = style.get("shows", ALL)
-    return lambda case: Shown(make(case, style), shows)
+    return showing(lambda case: make(case, style), *style.get("shows", ALL))
 
 
 HEALTHY = {
@@ -262,7 +212,7 @@ HEALTHY = {
     "article_usual_mass": {"kernel": "article", "viscosity": "article", "xsph": "article"},
     "cubic_kdk_mu": {"kernel": "cubic", "integrator": "kdk", "viscosity": "mu"},
     "quintic_dkd_alpha": {"kernel": "quintic", "integrator": "dkd", "viscosity": "alpha"},
-    "gaussian_morris": {"kernel": "gaussian", "viscosity": "morris", "xsph": "none"},
+    "gaussian_morris": {"kernel": "gauss", "viscosity": "morris", "xsph": "none"},
     "continuity": {"density": "continuity", "clamp": False, "viscosity": "alpha_support"},
     "continuity_predictor": {
         "kernel": "cubic",
